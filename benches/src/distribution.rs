@@ -17,13 +17,13 @@ pub struct Distribution {
     pub count: u64,
     /// Mean, ns.
     pub mean: f64,
-    /// Half of all are at most this, ns.
+    /// Median, ns.
     pub p50: u64,
-    /// 99 % of all are at most this, ns.
+    /// 99th percentile, ns.
     pub p99: u64,
-    /// 99.9 % of all are at most this, ns.
+    /// 99.9th percentile, ns.
     pub p99_9: u64,
-    /// The longest, ns.
+    /// Longest sample, ns.
     pub max: u64,
     /// The raw histogram: upper bound (ns) and number of samples of each non-empty bucket. Buckets of raw
     /// samples are exact below 16 us and no wider than 1/8192 of their durations above. Buckets of histograms
@@ -32,7 +32,7 @@ pub struct Distribution {
 }
 
 impl Distribution {
-    /// The distribution of single samples; percentiles are exact.
+    /// Computes the distribution of single samples. Percentiles are exact.
     pub fn from_samples(mut samples: Vec<u64>) -> Self {
         samples.sort_unstable();
         let rank =
@@ -71,7 +71,7 @@ impl Distribution {
         }
     }
 
-    /// Merges another distribution; percentiles are then bucket bounds.
+    /// Merges another distribution into this one. Percentiles are then bucket bounds.
     pub fn add(&mut self, other: &Self) {
         let mut buckets: BTreeMap<u64, u64> = self.buckets.iter().copied().collect();
         other.buckets.iter().for_each(|(bound, count)| *buckets.entry(*bound).or_default() += count);
@@ -84,8 +84,8 @@ impl Distribution {
         (self.p50, self.p99, self.p99_9) = (self.quantile(0.5), self.quantile(0.99), self.quantile(0.999));
     }
 
-    /// Upper bound of the first bucket that at least this share of all samples does not exceed, ns. Equals
-    /// the percentiles up to bucket resolution.
+    /// Returns the quantile `share` (0 to 1) as an upper bucket bound, ns: at least this share of all samples
+    /// does not exceed it. It equals the percentiles up to bucket resolution.
     pub fn quantile(&self, share: f64) -> u64 {
         let rank = rank(share, self.count);
         let mut seen = 0;
@@ -96,8 +96,8 @@ impl Distribution {
         bucket.map_or(0, |(bound, _)| (*bound).min(self.max))
     }
 
-    /// The curve of latency against percentile: for each bucket the share of all samples that are at most its
-    /// bound, and that bound (ns).
+    /// Returns the curve of latency against percentile. Each point has the share of all samples that are at
+    /// most a bucket's bound, and this bound (ns).
     pub fn curve(&self) -> Vec<(f64, u64)> {
         let mut seen = 0;
         self.buckets
@@ -110,13 +110,13 @@ impl Distribution {
     }
 }
 
-/// Rank, counted from 1, of a percentile among `count` sorted samples; at least this share of them does not
-/// exceed it.
+/// Returns the rank, counted from 1, of a percentile among `count` sorted samples; at least this share of
+/// them does not exceed it.
 fn rank(share: f64, count: u64) -> u64 {
     ((share * count as f64).ceil() as u64).max(1)
 }
 
-/// Upper bound of the fine bucket of this duration, ns.
+/// Returns the upper bound of the fine bucket of this duration, ns.
 fn fine_bound(nanoseconds: u64) -> u64 {
     let shift = (u64::BITS - nanoseconds.leading_zeros()).saturating_sub(FINE_BITS);
     nanoseconds | ((1 << shift) - 1)

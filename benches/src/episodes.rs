@@ -70,7 +70,7 @@ impl Component for Episodes {
         Ok(())
     }
 
-    /// The times of first steps and of all others.
+    /// Returns the times of first steps and of all others.
     fn result(&self) -> Option<serde_json::Value> {
         let [first, other] = [&self.first, &self.other].map(|late| Distribution::from_samples(late.clone()));
         (first.count > 0).then(|| serde_json::json!({ "first_ns": first, "other_ns": other }))

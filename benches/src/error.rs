@@ -9,9 +9,9 @@ pub enum MeasureError {
     /// The system refused an operation.
     #[error("{what} failed: {reason}")]
     System {
-        /// The attempted operation.
+        /// Description of the attempted operation.
         what: &'static str,
-        /// Answer of the system.
+        /// Error of the system.
         reason: String,
     },
     /// The graph of a measurement cannot run here.
@@ -26,7 +26,7 @@ pub enum MeasureError {
     /// A process of the measurement failed.
     #[error("the process `{process}` of the measurement failed: {reason}")]
     Process {
-        /// Name of the process.
+        /// Name of the failed process.
         process: &'static str,
         /// Its last message.
         reason: String,
@@ -34,16 +34,16 @@ pub enum MeasureError {
     /// The graph of a measurement ended early.
     #[error("the graph of the measurement ended early: {0}")]
     Ended(String),
-    /// Steps that must not allocate did allocate.
-    #[error("steps of `{component}` have allocated {count} times, expected no allocation")]
+    /// Steps allocated heap memory.
+    #[error("steps of `{component}` made {count} allocations, expected none")]
     Allocations {
         /// Name of the component in the graph.
         component: String,
-        /// Allocations after the first 100 steps.
+        /// Number of allocations after the first 100 steps.
         count: u64,
     },
     /// Values of a queue were not read.
-    #[error("{lost} values were lost, {read} were read, expected every value")]
+    #[error("{lost} values were lost and {read} were read, expected no loss")]
     Lost {
         /// Number of missing values.
         lost: u64,
@@ -54,7 +54,7 @@ pub enum MeasureError {
     #[error("interrupted")]
     Interrupted,
     /// The machine lacks a requirement of the measurement.
-    #[error("it needs {0}")]
+    #[error("the measurement requires {0}")]
     Needs(&'static str),
 }
 

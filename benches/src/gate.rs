@@ -74,7 +74,7 @@ impl Component for Commander {
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct ActuatorConfig {
-    /// True if the commands pass through the gate.
+    /// `true` if the commands pass through the gate.
     gated: bool,
 }
 
@@ -90,7 +90,7 @@ struct Actuator {
 }
 
 impl Actuator {
-    /// Sum of the efforts of all joints, N m; `None` without a command.
+    /// Returns the sum of the efforts of all joints, N m; `None` without a command.
     #[inline(never)]
     fn apply_gated(&mut self) -> Option<f64> {
         let gate = self.gate.as_mut()?;
@@ -174,7 +174,7 @@ impl Component for Actuator {
         Ok(())
     }
 
-    /// The time of each step that followed a command.
+    /// Returns the time of each step that followed a command.
     fn result(&self) -> Option<serde_json::Value> {
         let took = Distribution::from_samples(self.took_ns.clone());
         (took.count > 0).then(|| serde_json::json!({ "step_ns": took }))

@@ -5,13 +5,13 @@ use motorium::transport::Loan;
 
 /// A payload of numbers, all of them written by the sender and read by the receiver.
 pub trait Payload: StateBuffer {
-    /// Bytes of the payload.
+    /// Size of the payload, bytes.
     const BYTES: usize;
 
-    /// The numbers.
+    /// Returns the numbers of the payload.
     fn values(&self) -> &[f64];
 
-    /// Returns the numbers for writing.
+    /// Returns the numbers of the payload for writing.
     fn values_mut(&mut self) -> &mut [f64];
 
     /// Writes a time (ns, below 2^52) into each number, plus as many units in the last place as the number's
@@ -20,17 +20,17 @@ pub trait Payload: StateBuffer {
         self.values_mut().iter_mut().zip(times::<Self>(time_ns)).for_each(|(value, time)| *value = time);
     }
 
-    /// Like [`write`](Self::write), and checks each number while writing; returns whether all are finite.
+    /// Like [`write`](Self::write), and checks each number while writing. Returns `true` if all are finite.
     fn write_checked(&mut self, time_ns: u64) -> bool {
         f64::write_checked(self.values_mut(), times::<Self>(time_ns)).1
     }
 
-    /// Like [`write_checked`](Self::write_checked), to the memory of a topic.
+    /// Like [`write_checked`](Self::write_checked), but writes to the memory of a topic.
     fn write_into(loan: &mut Loan<'_, Self>, time_ns: u64) {
         loan.fill_from(Self::values, times::<Self>(time_ns));
     }
 
-    /// Reads every number. `None` if their times differ, because the payload was torn.
+    /// Reads every number and returns their time; `None` if the times differ because the payload was torn.
     fn read(&self) -> Option<u64> {
         let first = self.values()[0];
         let values = self.values().iter().zip(times::<Self>(first as u64));
@@ -73,7 +73,8 @@ macro_rules! payloads {
         /// Available sizes, bytes.
         pub const SIZES: &[usize] = &[$($bytes),*];
 
-        /// Calls a visitor with the payload type of a size; `None` for an unknown size.
+        /// Calls `visitor` with the payload type of `bytes` bytes and returns its result; `None` for an
+        /// unknown size.
         pub fn with_payload<V: PayloadVisitor>(bytes: usize, visitor: V) -> Option<V::Output> {
             match bytes {
                 $($bytes => Some(visitor.visit::<$name>()),)*

@@ -17,9 +17,9 @@ const TURN: f64 = 0.001;
 
 /// A measured call.
 pub struct Work {
-    /// Its name, which peers share.
+    /// Name of the call, the same for all peers.
     pub name: &'static str,
-    /// The call.
+    /// Function to call.
     pub run: Box<dyn FnMut()>,
 }
 
@@ -29,7 +29,7 @@ pub struct Work {
 /// peers.
 ///
 /// # Errors
-/// If a peer does not start or does not answer, as text.
+/// A peer does not start or does not answer. The error is a text.
 pub fn compare(works: &mut [Work], script: &str, packages: &[&'static str]) -> Result<Vec<Peer>, String> {
     let peers = packages.iter().map(|package| Peer::start(script, package));
     let mut peers = peers.collect::<Result<Vec<_>, _>>()?;
@@ -78,7 +78,8 @@ fn shown(times: &[f64]) -> String {
     }
 }
 
-/// Processor time of this program, which does not advance while other programs have the processor.
+/// Returns the processor time of this program, which does not advance while other programs have the
+/// processor.
 pub fn processor_time() -> Duration {
     let now = clock_gettime(ClockId::ProcessCPUTime);
     Duration::new(now.tv_sec.unsigned_abs(), u32::try_from(now.tv_nsec).unwrap_or_default())
@@ -113,7 +114,7 @@ impl Peer {
     /// Starts the script for a package.
     ///
     /// # Errors
-    /// If it does not start or does not answer, as text.
+    /// The script does not start or does not answer. The error is a text.
     pub fn start(script: &str, name: &'static str) -> Result<Self, String> {
         let python = std::env::var_os("MOTORIUM_PEER_PYTHON").unwrap_or_else(|| "python3".into());
         let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("peers").join(script);
@@ -135,37 +136,37 @@ impl Peer {
         Ok(peer)
     }
 
-    /// Nanoseconds of processor time of one call of a work, or of all that its line describes.
+    /// Returns the processor time of one call of `work`, ns, or of all calls that its line describes.
     ///
     /// # Errors
-    /// If the answer is not a number, as text.
+    /// The answer is not a number. The error is a text.
     pub fn measure(&mut self, work: &str) -> Result<f64, String> {
         let answer = self.values(work)?;
         match answer.as_slice() {
             [time] => Ok(*time),
-            other => Err(format!("{} answers {} numbers, expected a time", self.name, other.len())),
+            other => Err(format!("{} answered {} numbers, expected a time", self.name, other.len())),
         }
     }
 
-    /// Name of the package.
+    /// Returns the name of the package.
     pub fn name(&self) -> &'static str {
         self.name
     }
 
-    /// Numbers that the peer answers to a line, such as the results of a call.
+    /// Sends a line and returns the numbers that the peer answers, such as the results of a call.
     ///
     /// # Errors
-    /// If the answer is not a list of numbers, as text.
+    /// The answer is not a list of numbers. The error is a text.
     pub fn values(&mut self, line: &str) -> Result<Vec<f64>, String> {
         let answer = self.exchange(line)?;
         let numbers = answer.split_whitespace().map(str::parse).collect::<Result<_, _>>();
-        numbers.map_err(|_| format!("{} answers `{}`", self.name, answer.trim()))
+        numbers.map_err(|_| format!("{} answered `{}`, expected numbers", self.name, answer.trim()))
     }
 
     /// Sends a line and returns the next line of the peer.
     ///
     /// # Errors
-    /// If the peer has ended, as text.
+    /// The peer has ended. The error is a text.
     pub fn exchange(&mut self, line: &str) -> Result<String, String> {
         self.send(line)?;
         self.line()
@@ -174,15 +175,16 @@ impl Peer {
     /// Sends a line that has no answer.
     ///
     /// # Errors
-    /// If the peer has ended, as text.
+    /// The peer has ended. The error is a text.
     pub fn send(&mut self, line: &str) -> Result<(), String> {
-        writeln!(self.ask, "{line}").map_err(|error| format!("{} does not listen: {error}", self.name))
+        writeln!(self.ask, "{line}")
+            .map_err(|error| format!("{} does not read its input: {error}", self.name))
     }
 
     fn line(&mut self) -> Result<String, String> {
         let mut line = String::new();
         match self.answer.read_line(&mut line) {
-            Ok(0) => Err(format!("{} ended; is it installed? set MOTORIUM_PEER_PYTHON", self.name)),
+            Ok(0) => Err(format!("{} ended: is it installed? help: set MOTORIUM_PEER_PYTHON", self.name)),
             Ok(_) => Ok(line),
             Err(error) => Err(format!("{} does not answer: {error}", self.name)),
         }

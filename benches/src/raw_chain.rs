@@ -91,7 +91,7 @@ impl Link {
         futex_wake(&self.published);
     }
 
-    /// The time in the next payload, all of which is read.
+    /// Returns the time in the next payload, all of which is read.
     fn receive(&self, seen: &mut u32) -> Result<u64, String> {
         while self.published.load(Acquire) == *seen {
             futex_wait(&self.published, *seen, Some(Duration::from_secs(5)));

@@ -28,7 +28,7 @@ pub(crate) fn kinds() -> [Kind; 2] {
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct RawPortsConfig {
-    /// True for slices, false for a stream of single values.
+    /// `true` for slices, `false` for a stream of single values.
     slices: bool,
 }
 
@@ -107,7 +107,7 @@ impl Component for RawSink {
         Ok(())
     }
 
-    /// The ages of the values read, and the number of values that are missing.
+    /// Returns the ages of the values read, and the number of values that are missing.
     fn result(&self) -> Option<serde_json::Value> {
         let age = Distribution::from_histogram(&self.age);
         (age.count > 0).then(|| serde_json::json!({ "age_ns": age, "lost": self.lost }))

@@ -94,7 +94,7 @@ impl PayloadVisitor for Reads<'_> {
     }
 }
 
-/// A reader of the first topic of a run, as programs outside its graph open it.
+/// Returns a reader of the first topic of a run, as programs outside its graph open it.
 fn outside(run: &Path) -> Result<TopicReader, TopicSetError> {
     let folder = RunFolder::open(run);
     let plan = folder.plan()?;

@@ -7,12 +7,12 @@ use crate::host::run_load;
 use crate::pair::{ROLE, run_role};
 use crate::raw_chain::{LINK, run_link};
 
-/// The role that a measurement started a process for.
+/// The role of a process that a measurement has started.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Role {
     /// One side of a ping-pong.
     PingPong {
-        /// The side of the two.
+        /// The side, `ping` or `pong`.
         side: String,
         /// The folder of the measurement.
         folder: PathBuf,
@@ -29,7 +29,8 @@ pub enum Role {
 }
 
 impl Role {
-    /// Parses the command line of a process. A measuring program calls this first.
+    /// Parses the command line of a process; `None` for other command lines. A measuring program calls this
+    /// first.
     pub fn from_arguments(arguments: &[String]) -> Option<Self> {
         match arguments {
             [_, mark, side, folder] if mark == ROLE => {

@@ -19,8 +19,8 @@ pub struct WakeUps {
     pub pinned: bool,
 }
 
-/// Sleeps to absolute deadlines with plain `clock_nanosleep`, a millisecond apart, in a separate thread on
-/// one core at one `SCHED_FIFO` priority (0: normal time sharing).
+/// Measures wake-ups with plain `clock_nanosleep` to absolute deadlines, one millisecond apart. The thread
+/// runs on one core with the `SCHED_FIFO` priority `fifo` (0 for normal time sharing).
 ///
 /// # Errors
 /// The thread died.
@@ -45,7 +45,7 @@ fn timer_here(core: usize, fifo: u8, wake_ups: usize) -> WakeUps {
     WakeUps { late_ns, fifo: applied.fifo_priority, pinned: applied.cores == [core] }
 }
 
-/// Cost of one reading of the clock, ns: part of every sample of a hop.
+/// Measures the cost of reading the clock, ns, which is part of every sample of a hop.
 pub fn clock() -> Vec<u64> {
     const LOOKS: u64 = 100;
     let mean = |_| {
@@ -63,12 +63,12 @@ pub fn clock() -> Vec<u64> {
 pub struct Places {
     /// Core of the real-time components of graphs: the last one.
     pub realtime: usize,
-    /// The core across which is measured.
+    /// Second core, for measurements across cores; `None` on a machine with one core.
     pub other: Option<usize>,
 }
 
 impl Places {
-    /// Returns the cores of this machine.
+    /// Selects the cores on this machine.
     pub fn detect() -> Self {
         let cores = motorium::os::machine::online_cores();
         let realtime = cores.last().copied().unwrap_or(0);

@@ -230,7 +230,7 @@ fn missing_interface_is_named_with_the_next_step() {
     assert_ne!(row.code, 0);
     let said = row.errors.split_whitespace().collect::<Vec<_>>().join(" ");
     assert!(
-        said.contains("there is no CAN interface `vcan7`: found vcan0 (vcan, up), vcan1 (vcan, up)"),
+        said.contains("the CAN interface `vcan7` does not exist: found vcan0 (vcan, up), vcan1 (vcan, up)"),
         "{said}"
     );
     assert!(said.contains("sudo ip link add vcan7 type vcan"), "{said}");

@@ -57,7 +57,7 @@ fn gait_parameters_change_together_or_not_at_all() {
     let frequency = get("policy.frequency");
     let (code, _, error) = tool(&["set", "policy.frequency=1.25", "policy.gait=bounds"]);
     assert_eq!(code, Some(1), "{error}");
-    assert!(error.contains("did you mean `bound`?") && error.contains("nothing was set"), "{error}");
+    assert!(error.contains("did you mean `bound`?") && error.contains("no parameter was changed"), "{error}");
     assert_eq!((get("policy.frequency"), get("policy.gait")), (frequency, "trot".to_string()));
 
     let all = [

@@ -317,7 +317,7 @@ fn the_port_serves_only_the_page_and_robot_files() {
     client.await_channels(&[STATE]);
     assert_eq!(client.fetch("package://arm/meshes/hand.stl"), Ok(b"solid hand".to_vec()));
     assert!(client.fetch("package://arm/meshes/foot.stl").unwrap_err().contains("not found"));
-    assert!(client.fetch("file:///etc/passwd").unwrap_err().contains("names no file of a robot"));
+    assert!(client.fetch("file:///etc/passwd").unwrap_err().contains("is not a file of a robot"));
     assert!(!viewer.said().contains("panicked"));
 }
 

@@ -4,17 +4,17 @@ use clap_complete::engine::{ArgValueCandidates, ArgValueCompleter, CompletionCan
 use motorium::plan::Plan;
 use motorium::run_folder::RunFolder;
 
-/// A completion candidate and a line about it.
+/// Returns a completion candidate and a line about it.
 fn candidate(word: impl Into<String>, about: impl Into<String>) -> CompletionCandidate {
     CompletionCandidate::new(word.into()).help(Some(about.into().into()))
 }
 
-/// The plan of the newest run that is alive.
+/// Returns the plan of the newest run that is alive.
 fn newest() -> Option<Plan> {
     RunFolder::list().into_iter().find(RunFolder::is_alive)?.plan().ok()
 }
 
-/// Graph files.
+/// Returns the graph files.
 pub(crate) fn graphs() -> ArgValueCompleter {
     let is_graph = |path: &std::path::Path| path.extension().is_some_and(|extension| extension == "toml");
     ArgValueCompleter::new(PathCompleter::file().filter(is_graph))
@@ -76,7 +76,7 @@ pub(crate) fn robots() -> ArgValueCandidates {
     })
 }
 
-/// Built-in kinds of components.
+/// Returns the built-in kinds of components.
 pub(crate) fn kinds() -> ArgValueCandidates {
     ArgValueCandidates::new(|| {
         let known = crate::registry::registry();

@@ -49,7 +49,7 @@ impl From<Code> for ExitCode {
 }
 
 impl Code {
-    /// The exit code of a finished run.
+    /// Returns the exit code of a finished run.
     pub(crate) fn of_run(report: &Report) -> Self {
         match &report.exit {
             Exit::SafeStop { .. } => Self::SafeStop,
@@ -63,27 +63,27 @@ impl Code {
 /// Something failed.
 pub(crate) const FAILED: ExitCode = ExitCode::FAILURE;
 
-/// A graph file, or another input file, is invalid.
+/// Returns the exit code for an invalid graph file or other input file.
 pub(crate) fn invalid() -> ExitCode {
     Code::Invalid.into()
 }
 
-/// The run ended in a safe stop.
+/// Returns the exit code for a run that ended in a safe stop.
 pub(crate) fn safe_stop() -> ExitCode {
     Code::SafeStop.into()
 }
 
-/// The machine is not suitable.
+/// Returns the exit code for an unsuitable machine.
 pub(crate) fn unfit() -> ExitCode {
     Code::Unfit.into()
 }
 
-/// Messages of a recovered recording are damaged or missing.
+/// Returns the exit code for a recovered recording with damaged or missing messages.
 pub(crate) fn incomplete() -> ExitCode {
     Code::Incomplete.into()
 }
 
-/// A significant slowdown.
+/// Returns the exit code for a significant slowdown.
 pub(crate) fn slower() -> ExitCode {
     Code::Slower.into()
 }

@@ -5,7 +5,7 @@ use motorium::region::{GateReport, Latch, LimitKind};
 /// Maximum number of joints and limits in a line; the rest is in `--json`.
 const NAMED: usize = 4;
 
-/// A short reason why a gate stays in its safe state.
+/// Returns a short reason why a gate stays in its safe state.
 pub(crate) fn latch_words(latch: Latch) -> &'static str {
     match latch {
         Latch::Stop => "stopped",
@@ -14,7 +14,7 @@ pub(crate) fn latch_words(latch: Latch) -> &'static str {
     }
 }
 
-/// Summary of a gate as one line; `None` if every command was forwarded unchanged.
+/// Returns the summary of a gate as one line; `None` if every command was forwarded unchanged.
 pub(crate) fn describe(gate: &GateReport) -> Option<String> {
     let mut parts = Vec::new();
     if let Some(latch) = gate.latch {

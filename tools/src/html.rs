@@ -11,7 +11,7 @@ td.n,th.n{text-align:right;font-variant-numeric:tabular-nums}td.n{white-space:no
 .error{color:#ff7b72}.warning{color:#e3b341}.dim{color:#9da7b3}}\
 @media print{body{max-width:none;margin:0;font-size:12px}h2{break-after:avoid;margin-top:1em}svg,tr{break-inside:avoid}}";
 
-/// A page with a title above its body, in light and in dark colours.
+/// Returns a page with a title above its body, in light and in dark colours.
 pub(crate) fn page(title: &str, body: &str) -> String {
     format!(
         "<!doctype html>\n<html lang=\"en\">\n<head><meta charset=\"utf-8\"><meta name=\"color-scheme\" content=\"light dark\">\
@@ -21,7 +21,7 @@ pub(crate) fn page(title: &str, body: &str) -> String {
     )
 }
 
-/// A table of names and values.
+/// Returns a table of names and values.
 pub(crate) fn facts<'a>(rows: impl IntoIterator<Item = (&'a str, String)>) -> String {
     let row =
         |(name, value): (&str, String)| format!("<tr><th>{name}</th><td>{}</td></tr>\n", escape(&value));
@@ -29,7 +29,7 @@ pub(crate) fn facts<'a>(rows: impl IntoIterator<Item = (&'a str, String)>) -> St
     format!("<table>\n{rows}</table>\n")
 }
 
-/// A file as a data URL for the page (RFC 2397, in Base64 of RFC 4648).
+/// Returns a file as a data URL for the page (RFC 2397, in Base64 of RFC 4648).
 pub(crate) fn data_url(media_type: &str, file: &[u8]) -> String {
     const LETTERS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
     let mut text = format!("data:{media_type};base64,");

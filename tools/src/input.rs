@@ -8,12 +8,12 @@ use motorium_recordings::read_bounded;
 /// Longest input file, bytes.
 const LONGEST: u64 = 1 << 30;
 
-/// The bytes of an input file.
+/// Returns the bytes of an input file.
 pub(crate) fn bytes(path: &Path) -> anyhow::Result<Vec<u8>> {
     read_bounded(path, LONGEST).with_context(|| format!("reading {}", path.display()))
 }
 
-/// The text of an input file.
+/// Returns the text of an input file.
 pub(crate) fn text(path: &Path) -> anyhow::Result<String> {
     String::from_utf8(bytes(path)?).with_context(|| format!("reading {}", path.display()))
 }

@@ -33,22 +33,22 @@ use motorium::program::{Program, run_worker};
 
 pub use rollout::allowed_cores;
 
-/// The description of the command line: every command, option and help text.
+/// Returns the clap description of the command line: every command, option and help text.
 pub fn command() -> clap::Command {
     numeric(<commands::Cli as clap::CommandFactory>::command())
 }
 
-/// A command whose options accept negative numbers as values; each option validates its own.
+/// Returns a command whose options accept negative numbers as values; each option validates its own.
 fn numeric(command: clap::Command) -> clap::Command {
     command.allow_negative_numbers(true).mut_subcommands(numeric)
 }
 
-/// The kinds of components and the robots that the command knows.
+/// Returns the registry of the component kinds and robots that the command supports.
 pub fn registry() -> motorium::worker::Registry {
     registry::registry()
 }
 
-/// Runs the whole program; the binary only adds the counting allocator.
+/// Runs the command line program and returns its exit code. The binary only adds the counting allocator.
 pub fn main() -> ExitCode {
     // The command that reads an argument checks it for UTF-8; it may be valid as a path.
     let arguments: Vec<String> =

@@ -78,7 +78,7 @@ pub(crate) fn save(overheads: Overheads) -> anyhow::Result<PathBuf> {
     Ok(path)
 }
 
-/// The file with the overheads of this machine.
+/// Returns the file with the overheads of this machine.
 pub(crate) fn file() -> Option<PathBuf> {
     let folder = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from);
     let config = folder("XDG_CONFIG_HOME").or_else(|| Some(folder("HOME")?.join(".config")))?;

@@ -61,12 +61,13 @@ impl Sink {
 }
 
 impl Printer {
-    /// A live table on the terminal, below the lines.
+    /// Creates a printer with a live table on the terminal, below the lines.
     pub(crate) fn screen(plan: &Plan) -> anyhow::Result<Self> {
         Self::start(Sink::Screen(Box::new(Screen::new(plan)?)), Box::new(|_| true))
     }
 
-    /// Plain lines, and a state once a second; with `quiet`, standard output stays free for JSON.
+    /// Creates a printer of plain lines, with a line of the state once a second. With `quiet`, standard
+    /// output stays free for JSON.
     pub(crate) fn lines(quiet: bool) -> anyhow::Result<Self> {
         Self::start(Sink::Plain(Plain::new(quiet)), Box::new(once_a_second()))
     }

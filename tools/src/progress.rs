@@ -20,8 +20,8 @@ struct Reported {
 }
 
 impl Progress {
-    /// The line of a state: the components that missed steps, were restarted, or entered or left their safe
-    /// state.
+    /// Returns the line of a state: the components that missed steps, were restarted, or entered or left
+    /// their safe state.
     pub(crate) fn line(&mut self, status: &Status) -> String {
         let mut first = self.reported.is_empty();
         if self.reported.len() != status.components.len() {
@@ -71,7 +71,7 @@ fn change(component: &ComponentStatus, reported: &mut Reported, first: bool) -> 
     (!changes.is_empty()).then(|| format!("{} {}", report.name, changes.join(", ")))
 }
 
-/// The misses since a moment.
+/// Returns the misses since a moment.
 fn since(now: &Misses, before: &Misses) -> Misses {
     let more = |now: u64, before: u64| now.saturating_sub(before);
     Misses {
@@ -83,7 +83,7 @@ fn since(now: &Misses, before: &Misses) -> Misses {
     }
 }
 
-/// Missed steps and their causes: `4 (3 stolen, 1 long step)`.
+/// Returns the missed steps and their causes: `4 (3 stolen, 1 long step)`.
 pub(crate) fn causes(misses: &Misses) -> String {
     let causes = [
         (misses.stolen, "stolen"),

@@ -21,17 +21,17 @@ const VIEWER: Sibling = Sibling { family: "view", program: "motorium-view", inst
 /// The command that installs the program of `motorium view` from a checkout.
 pub(crate) const INSTALL_VIEWER: &str = "cargo install --locked --path tools/view";
 
-/// The program of `motorium view`.
+/// Returns the program of `motorium view`.
 pub(crate) fn viewer() -> Sibling {
     VIEWER
 }
 
-/// The kinds that a graph may use.
+/// Returns the kinds that a graph may use.
 pub(crate) fn registry() -> Registry {
     known(kinds()).with_siblings(SIBLINGS)
 }
 
-/// The kinds that a graph may use, and kinds only used by the graphs of benchmarks and replays.
+/// Returns the kinds that a graph may use, and kinds only used by the graphs of benchmarks and replays.
 pub(crate) fn with_hidden() -> Registry {
     known(
         kinds()

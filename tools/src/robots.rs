@@ -26,7 +26,7 @@ fn source(robot: &RobotReference) -> RobotSource<'_> {
     }
 }
 
-/// Joint positions of a named pose of the robot's profile or SRDF.
+/// Returns the joint positions of a named pose of the robot's profile or SRDF.
 pub(crate) fn pose(robot: &Loaded, name: &str) -> anyhow::Result<Vec<f64>> {
     let profile = robot.profile.as_ref();
     if let Some(profile) = profile.filter(|profile| profile.poses.contains_key(name)) {

@@ -21,7 +21,7 @@ pub(crate) fn good(text: impl Display) -> String {
     paint("1;32", text)
 }
 
-/// A heading or a name.
+/// Returns a heading or a name.
 pub(crate) fn strong(text: impl Display) -> String {
     paint("1", text)
 }

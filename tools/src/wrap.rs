@@ -5,7 +5,7 @@ use std::io::IsTerminal as _;
 /// Minimum width at which lines are wrapped; on narrower terminals, the terminal wraps them.
 const NARROWEST: usize = 20;
 
-/// Columns of the terminal behind standard error; `None` if there is no terminal.
+/// Returns the columns of the terminal behind standard error; `None` if there is no terminal.
 pub(crate) fn width() -> Option<usize> {
     if !std::io::stderr().is_terminal() {
         return None;
@@ -48,12 +48,13 @@ fn broken(line: &str, width: usize) -> String {
     text
 }
 
-/// Number of visible characters of a text.
+/// Returns the number of visible characters of a text.
 fn columns(text: &str) -> usize {
     anstream::adapter::strip_str(text.trim_end_matches('\n')).to_string().chars().count()
 }
 
-/// Indentation of the continuation of a line: below its first word, or below the words after `= note: `.
+/// Returns the indentation of the continuation of a line: below its first word, or below the words after `=
+/// note: `.
 fn indentation(line: &str) -> usize {
     let blanks = line.len() - line.trim_start().len();
     let note = line.find("= ").filter(|at| *at == blanks);

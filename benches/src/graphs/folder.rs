@@ -19,7 +19,7 @@ impl Folder {
         Ok(folder)
     }
 
-    /// The folder.
+    /// Returns the path of the folder.
     pub(super) fn path(&self) -> &Path {
         &self.0
     }

@@ -53,13 +53,13 @@ const ROBOTS: [(&str, &[(&str, f64)]); 3] = [
 pub struct LatentFiles(Folder);
 
 impl LatentFiles {
-    /// Name of the model.
+    /// File name of the model.
     pub const MODEL: &'static str = "arms.latent";
-    /// Name of the movement.
+    /// File name of the movement.
     pub const MOTION: &'static str = "take.csv";
 
-    /// Writes a model of the size of `graphs/mimic`. The number of iterations of its training does not change
-    /// the cost of a step.
+    /// Writes a model with the size of the one in `graphs/mimic`, and a movement. The training is short,
+    /// which does not affect the cost of a step.
     ///
     /// # Errors
     /// The folder cannot be written.
@@ -90,7 +90,7 @@ impl LatentFiles {
         Ok(Self(folder))
     }
 
-    /// The folder.
+    /// Returns the path of the folder.
     pub fn path(&self) -> &Path {
         self.0.path()
     }

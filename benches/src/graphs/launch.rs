@@ -17,23 +17,23 @@ use crate::{Distribution, MeasureError};
 /// A graph that has run.
 #[derive(Debug)]
 pub struct Ran {
-    /// Its report.
+    /// Report of the run.
     pub report: Report,
     /// Release lateness of each component, ns.
     pub lateness: Vec<Distribution>,
     /// Duration of the steps of each component, ns.
     pub execution: Vec<Distribution>,
-    /// Each latency budget, ns.
+    /// Latencies of each latency budget, ns.
     pub latencies: Vec<Distribution>,
 }
 
 impl Ran {
-    /// Returns a value from the result of a component.
+    /// Returns the value `what` from the result of a component; `None` if it is missing.
     pub fn result<T: DeserializeOwned>(&self, component: &str, what: &str) -> Option<T> {
         serde_json::from_value(self.report.results.get(component)?.get(what)?.clone()).ok()
     }
 
-    /// Returns the duration of a component's steps, ns.
+    /// Returns the durations of a component's steps, ns.
     ///
     /// # Errors
     /// If the component made no step, or its steps allocated.
@@ -47,18 +47,18 @@ impl Ran {
         self.execution.get(index).filter(|steps| steps.count > 0).cloned().ok_or_else(none)
     }
 
-    /// Causes of its components' lateness.
+    /// Returns the causes of lateness of all components.
     pub fn causes(&self) -> Causes {
         Causes::from_report(&self.report)
     }
 
-    /// Lowest `SCHED_FIFO` priority among its components.
+    /// Returns the lowest `SCHED_FIFO` priority among the components; 0 for normal time sharing.
     pub fn fifo(&self) -> u32 {
         self.report.components.iter().map(|component| component.fifo_priority).min().unwrap_or(0)
     }
 }
 
-/// Runs the text of a graph file to its end with a program that hosts `bench.relay`.
+/// Runs the graph file `text` to its end with `program`, which hosts `bench.relay`.
 ///
 /// # Errors
 /// If the graph cannot run here, did not start, or ended early.
@@ -66,7 +66,7 @@ pub fn run(program: &Path, registry: &Registry, name: &str, text: String) -> Res
     run_plan(program, registry, plan(registry, name, text)?)
 }
 
-/// Like [`run`], with a trace of this number of events per component.
+/// Like [`run`], with a trace of `trace_events` events per component.
 ///
 /// # Errors
 /// Same as [`run`].

@@ -34,7 +34,7 @@ clip = [-1.0, 1.0]
 pub struct PolicyFiles(Folder);
 
 impl PolicyFiles {
-    /// Writes a policy that runs at a rate \[Hz\].
+    /// Writes a policy that runs at `rate_hz`.
     ///
     /// # Errors
     /// The folder cannot be written.
@@ -49,13 +49,13 @@ impl PolicyFiles {
         write().map_err(|error: std::io::Error| MeasureError::system("writing a policy", error))
     }
 
-    /// The folder.
+    /// Returns the path of the folder.
     pub fn path(&self) -> &Path {
         self.0.path()
     }
 }
 
-/// A network with smooth, aperiodic weights.
+/// Returns a network with smooth, aperiodic weights.
 fn network() -> Vec<u8> {
     let layer = |pair: &[usize]| {
         let [inputs, outputs] = [pair[0], pair[1]];

@@ -26,12 +26,13 @@ fn relay(text: &mut String, name: &str, from: &str, to: Option<&str>) {
     );
 }
 
-/// One component at a rate, with a topic without readers.
+/// Returns the graph file of one component at `rate_hz`, which publishes on a topic without readers.
 pub fn release(rate_hz: u32, seconds: u32, core: usize) -> String {
     head("bench-release", rate_hz, seconds, core) + "publish = { out = \"bench/0\" }\n"
 }
 
-/// A chain of `processes` processes at 1 kHz, all on one core; the last is `tail`.
+/// Returns the graph file of a chain of `processes` processes at 1 kHz on one core. The last component is
+/// `tail`.
 pub fn chain(processes: usize, seconds: u32, core: usize) -> String {
     let mut text = head("bench-chain", 1_000, seconds, core);
     text.push_str("publish = { out = \"bench/0\" }\n");
@@ -45,8 +46,8 @@ pub fn chain(processes: usize, seconds: u32, core: usize) -> String {
     text
 }
 
-/// The caterpillar at 1 kHz: a source, a chain of 8 relays, and a sink for each of them; 17 processes on one
-/// core. The last sink is `tail`.
+/// Returns the graph file of the caterpillar at 1 kHz: a source, a chain of 8 relays, and a sink for each
+/// relay. Its 17 processes run on one core. The last sink is `tail`.
 pub fn caterpillar(seconds: u32, core: usize) -> String {
     let mut text = head("bench-caterpillar", 1_000, seconds, core);
     text.push_str("publish = { out = \"bench/0\" }\n");
@@ -59,7 +60,8 @@ pub fn caterpillar(seconds: u32, core: usize) -> String {
     text
 }
 
-/// One process at 1 kHz that triggers `readers` processes, all on one core: `tail-1` to `tail-N`.
+/// Returns the graph file of one process at 1 kHz that triggers `readers` processes, `tail-1` to `tail-N`,
+/// all on one core.
 pub fn fan_out(readers: usize, seconds: u32, core: usize) -> String {
     let mut text = head("bench-fan-out", 1_000, seconds, core);
     text.push_str("publish = { out = \"bench/0\" }\n");
@@ -69,8 +71,8 @@ pub fn fan_out(readers: usize, seconds: u32, core: usize) -> String {
     text
 }
 
-/// A commander of 7 joints at 1 kHz and the actuator triggered by it, on one core, with or without the
-/// command gate.
+/// Returns the graph file of a commander of 7 joints at 1 kHz and the actuator triggered by it, on one core.
+/// `gated` selects whether the actuator uses the command gate.
 pub fn gate(gated: bool, seconds: u32, core: usize) -> String {
     format!(
         "name = \"bench-gate\"\nduration = \"{seconds} s\"\n[cores]\nrealtime = [{core}]\n[component.commander]\n\
@@ -80,7 +82,7 @@ pub fn gate(gated: bool, seconds: u32, core: usize) -> String {
     )
 }
 
-/// Episodes of 50 steps at 1 kHz, started by a single component.
+/// Returns the graph file of a component that starts episodes of 50 steps at 1 kHz.
 pub fn episodes(seconds: u32, core: usize) -> String {
     format!(
         "name = \"bench-episodes\"\nduration = \"{seconds} s\"\n[cores]\nrealtime = [{core}]\n\
@@ -88,8 +90,8 @@ pub fn episodes(seconds: u32, core: usize) -> String {
     )
 }
 
-/// A source that publishes at 10 kHz on a raw port, and a sink triggered by each message, on one core. The
-/// messages are single values, or slices.
+/// Returns the graph file of a source that publishes at 10 kHz on a raw port, and a sink triggered by each
+/// message, on one core. The messages are single values, or slices if `slices` is `true`.
 pub fn raw_ports(slices: bool, seconds: u32, core: usize) -> String {
     format!(
         "name = \"bench-raw\"\nduration = \"{seconds} s\"\n[cores]\nrealtime = [{core}]\n[component.source]\n\
@@ -100,13 +102,14 @@ pub fn raw_ports(slices: bool, seconds: u32, core: usize) -> String {
     )
 }
 
-/// The Panda loop: physics, encoder, policy, controller at 1 kHz, from state to command.
+/// Returns the graph file of the Panda loop at 1 kHz: physics, encoder, policy and controller.
 pub fn panda(seconds: u32) -> String {
     PANDA.replace("duration = \"10 s\"", &format!("duration = \"{seconds} s\""))
 }
 
-/// The Panda held by a policy in a folder: physics at 1 kHz, encoder, policy, joint targets. The policy runs
-/// at its rate of 50 Hz next to the chain, or with `in_loop` at each state as a part of it.
+/// Returns the graph file of a Panda held by the policy in `folder`: physics at 1 kHz, encoder, policy, joint
+/// targets. The policy runs at 50 Hz outside of the chain or, with `in_loop`, at each joint state as a part
+/// of the chain.
 pub fn policy(folder: &Path, in_loop: bool, seconds: u32) -> String {
     let (pace, trigger) = match in_loop {
         true => ("trigger   = \"panda/joint_state\"", "panda/action"),
@@ -144,8 +147,8 @@ max  = "600 us"
     .replace("duration = \"10 s\"", &format!("duration = \"{seconds} s\""))
 }
 
-/// The graph of [`policy`] at 50 Hz, with a further component, `floor`, that each joint state triggers
-/// and that does nothing.
+/// Returns the graph file of [`policy`] at 50 Hz, with an additional component, `floor`, that is triggered by
+/// each joint state and does nothing.
 pub fn joint_reader(folder: &Path, seconds: u32) -> String {
     let floor = r#"[component.floor]
 kind      = "bench.joint_reader"
@@ -156,7 +159,8 @@ subscribe = { joint_state = "panda/joint_state" }
     policy(folder, false, seconds).replace("[component.targets]", floor)
 }
 
-/// Three arms in one physics process that mimic a human by the model and the movement in a folder.
+/// Returns the graph file of three arms in one physics process, which mimic a human with the model and the
+/// movement in `folder`.
 pub fn latent(folder: &Path, seconds: u32) -> String {
     let graph = MIMIC.split("[expect]").next().unwrap_or_default();
     let safety = MIMIC.split("[safety]").nth(1).unwrap_or_default();

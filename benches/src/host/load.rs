@@ -15,25 +15,24 @@ const STREAMED: usize = 64 << 20;
 /// Load generator.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Loader {
-    /// `stress-ng`: a process for each core that streams through memory, and one that passes bytes through
-    /// pipes.
+    /// `stress-ng`, with two processes per core: one streams through memory, one passes bytes through pipes.
     StressNg {
-        /// Its version.
+        /// Version of `stress-ng`.
         version: String,
     },
-    /// `hackbench` of rt-tests: ten processes for each core that pass bytes through pipes.
+    /// `hackbench` of rt-tests, with ten processes per core that pass bytes through pipes.
     Hackbench,
     /// Two built-in processes per core: one streams through memory, one passes bytes through pipes.
     Own,
 }
 
 impl Loader {
-    /// Selects the first available load of `stress-ng`, `hackbench` and the built-in one.
+    /// Returns the first available load: `stress-ng`, `hackbench`, or the built-in one.
     pub fn detect() -> Self {
         Self::named("stress-ng").or_else(|| Self::named("hackbench")).unwrap_or(Self::Own)
     }
 
-    /// Selects `stress-ng`, `hackbench` or `own` by name, if installed.
+    /// Returns the load named `stress-ng`, `hackbench` or `own`; `None` if it is unknown or not installed.
     pub fn named(name: &str) -> Option<Self> {
         match name {
             "stress-ng" => {

@@ -11,7 +11,7 @@ pub struct Machine {
     pub kernel: String,
     /// Name of the processor.
     pub processor: String,
-    /// Cores that are online.
+    /// Number of online cores.
     pub cores: usize,
     /// Clock source of the kernel.
     pub clock_source: String,
@@ -26,12 +26,12 @@ pub struct Machine {
     pub idle_exit_us: Option<u64>,
     /// Load average over one minute when the measurements began.
     pub load: f64,
-    /// Maximum time of real-time threads, us per s; `None` without a limit.
+    /// Maximum processor time of real-time threads, us per s; `None` without a limit.
     pub realtime_us_per_s: Option<u64>,
 }
 
 impl Machine {
-    /// Reads the facts of this machine.
+    /// Reads the properties of this machine.
     pub fn detect() -> Self {
         let kernel = machine::Kernel::detect();
         let preemption = kernel.preemption().map_or(String::new(), |model| format!(" {model}"));

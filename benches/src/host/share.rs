@@ -14,15 +14,15 @@ pub struct HostShare {
     pub seconds: f64,
     /// Time the host took from all cores together, ms (`steal` of `/proc/stat`, in steps of 10 ms).
     pub steal_ms: f64,
-    /// The same as a share of the time of all cores.
+    /// Stolen time as a fraction of the time of all cores.
     pub steal_share: f64,
-    /// Each core: its own steal, interrupts and soft interrupts.
+    /// Stolen time, interrupts and soft interrupts of each core.
     #[serde(default)]
     pub cores: Vec<CoreReport>,
-    /// For graphs: causes of late steps.
+    /// Causes of late steps; only for graphs.
     #[serde(default)]
     pub causes: Option<Causes>,
-    /// For releases and chains: share of the tail that the bare machine shows in the same turns.
+    /// Share of the tail that the bare machine shows in the same turns; only for releases and chains.
     #[serde(default)]
     pub floor: Option<FloorShare>,
 }
@@ -31,9 +31,10 @@ pub struct HostShare {
 /// processes that wake each other by a futex.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct FloorShare {
-    /// The measurement of the bare machine.
+    /// Name of the measurement of the bare machine.
     pub name: String,
-    /// Distance of its p99.9 from its p50, relative to the same distance of the measurement; at most 1.
+    /// Difference of the bare machine's p99.9 and p50, relative to the same difference of the measurement; at
+    /// most 1.
     pub share: f64,
 }
 
@@ -86,14 +87,14 @@ impl Causes {
         causes
     }
 
-    /// Number of misses.
+    /// Returns the number of late steps.
     pub fn misses(&self) -> u64 {
         self.stolen + self.late_wake + self.long_step + self.late_input
     }
 }
 
 impl HostShare {
-    /// The report of one core.
+    /// Returns the report of a core; `None` if the core does not exist.
     pub fn core(&self, core: usize) -> Option<&CoreReport> {
         self.cores.iter().find(|report| report.core == core)
     }
@@ -114,8 +115,8 @@ impl HostShare {
         }
     }
 
-    /// Short description: stolen time, the floor's share of the tail, misses by cause, stalls, and device
-    /// interrupts on the core of the measurement. Empty if there is nothing to report.
+    /// Returns a short description: stolen time, the floor's share of the tail, misses by cause, stalls, and
+    /// device interrupts on the core of the measurement. Empty if there is nothing to report.
     pub fn in_words(&self, core: usize) -> String {
         let mut words = Vec::new();
         if self.steal_ms > 0.0 {
@@ -150,7 +151,7 @@ impl HostShare {
     }
 }
 
-/// Watches the cores of this machine.
+/// Watcher of stolen time and interrupts on the cores of this machine.
 #[derive(Debug)]
 pub struct Watch {
     since: Instant,
@@ -158,12 +159,12 @@ pub struct Watch {
 }
 
 impl Watch {
-    /// Begins to watch.
+    /// Starts watching the cores.
     pub fn start() -> Self {
         Self { cores: CoreWatch::start(online_cores()), since: Instant::now() }
     }
 
-    /// The disturbance since the start.
+    /// Returns the disturbance since [`start`](Self::start).
     pub fn stop(&self) -> HostShare {
         let seconds = self.since.elapsed().as_secs_f64();
         let cores = self.cores.stop();

@@ -28,7 +28,7 @@ pub(super) struct Consequence {
     pub(super) pause: Duration,
 }
 
-/// Most frequent outcome of these faults of one kind.
+/// Returns the most frequent outcome of these faults of one kind.
 pub(super) fn most_frequent_outcome(fault: Fault, consequences: &[Consequence]) -> Option<Outcome> {
     let counts = |one: &&Consequence| !fault.passes() || PAUSES.contains(&one.pause);
     let mut outcomes: Vec<Outcome> =

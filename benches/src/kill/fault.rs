@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 /// Time within which a process is scheduled twice and dies of a segmentation fault, even on a busy machine.
 const SEGFAULTS: Duration = Duration::from_secs(5);
 
-/// The process that a fault hits.
+/// The process that receives a fault.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Victim {
@@ -26,7 +26,7 @@ pub enum Victim {
 }
 
 impl Victim {
-    /// The victim of this name in a graph with these components.
+    /// Returns the victim named `name` in a graph with these components; `None` if the name is unknown.
     pub fn named(name: &str, components: &[String]) -> Option<Self> {
         match name {
             "launcher" => Some(Self::Launcher),
@@ -72,7 +72,7 @@ impl Fault {
     pub const ALL: [Self; 6] =
         [Self::Kill, Self::Abort, Self::Segfault, Self::Terminate, Self::Hang, Self::Pause];
 
-    /// The name of the fault, as in a command line.
+    /// Returns the name of the fault, as in a command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::Kill => "kill",
@@ -84,17 +84,17 @@ impl Fault {
         }
     }
 
-    /// The fault of this name.
+    /// Returns the fault named `name`; `None` if the name is unknown.
     pub fn named(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|fault| fault.name() == name)
     }
 
-    /// Returns `true` for a fault after which the process continues without help.
+    /// Returns `true` for a temporary fault, after which the process continues.
     pub fn passes(self) -> bool {
         self == Self::Pause
     }
 
-    /// Returns `true` for a fault that ends this process. The guard ignores requests to end; it ends with the
+    /// Returns `true` for a fault that ends `victim`. The guard ignores requests to end; it ends with the
     /// run.
     pub fn ends(self, victim: &Victim) -> bool {
         match self {

@@ -35,9 +35,9 @@ pub struct Settings {
     pub components: Vec<String>,
     /// Number of faults.
     pub count: u32,
-    /// Largest number of faults in one run.
+    /// Maximum number of faults in one run.
     pub per_run: u32,
-    /// Seed of the choice of victims, faults and times.
+    /// Seed for choosing victims, faults and times.
     pub seed: u64,
     /// The victims to choose from.
     pub victims: Vec<Victim>,
@@ -45,56 +45,56 @@ pub struct Settings {
     pub faults: Vec<Fault>,
 }
 
-/// The faults of one kind that hit one process.
+/// The faults of one kind in one process.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Cell {
-    /// The process that was hit.
+    /// Process that received the fault.
     pub victim: Victim,
     /// The fault.
     pub fault: Fault,
     /// Number of faults.
     pub count: u32,
-    /// From the fault to the launcher's reaction.
+    /// Time from the fault to the launcher's reaction.
     pub detected: Distribution,
-    /// From the fault to the safe state of the last actuator, if it was entered.
+    /// Time from the fault to the safe state of the last actuator, if it was entered.
     pub safe: Distribution,
-    /// From the fault to the first value published by the restarted component.
+    /// Time from the fault to the first value published by the restarted component.
     pub restarted: Distribution,
     /// Number of faults after which the component did not recover.
     pub hung: u32,
     /// Number of faults after which an actuator followed a stale command for too long.
     pub unsafe_outages: u32,
-    /// Most frequent outcome of these faults. Only pauses that are long for a command and short for a
-    /// watchdog are counted. `None` without such a fault.
+    /// Most frequent outcome of these faults; `None` without an outcome. Pauses count only if they are long
+    /// compared with a command and short compared with a watchdog.
     pub outcome: Option<Outcome>,
 }
 
-/// All faults together.
+/// Summary of all faults.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Summary {
-    /// Seed of the choice of victims, faults and times.
+    /// Seed for choosing victims, faults and times.
     pub seed: u64,
     /// Number of faults.
     pub faults: u32,
     /// Number of runs used for the faults.
     pub runs: u32,
-    /// Duration, s.
+    /// Total duration, s.
     pub seconds: f64,
-    /// Each victim and fault.
+    /// Results for each victim and fault.
     pub cells: Vec<Cell>,
-    /// Faults and ends of runs that hung.
+    /// Number of hangs, after a fault or at the end of a run.
     pub hangs: u32,
-    /// Processes that outlived their run.
+    /// Number of processes that outlived their run.
     pub strays: u32,
-    /// Objects in shared memory that outlived their run.
+    /// Number of objects in shared memory that outlived their run.
     pub leaks: u32,
-    /// Number of runs that ended with a code other than 0, except by the launcher's own death.
+    /// Number of runs that ended with an exit code other than 0, unless the launcher itself was killed.
     pub failed_runs: u32,
-    /// The exit code and the last lines of each of these.
+    /// Exit code and last printed lines of each failed run.
     pub failures: Vec<String>,
     /// Number of faults after which an actuator followed a stale command for too long.
     pub unsafe_outages: u32,
-    /// Steps in which a simulated joint was faster than its limit.
+    /// Number of steps in which a simulated joint was faster than its limit.
     pub steps_beyond_a_velocity_limit: u64,
 }
 
@@ -113,7 +113,8 @@ struct Collected {
     consequences: Vec<Consequence>,
 }
 
-/// Injects the faults one after the other and calls `report_progress` after each with their number so far.
+/// Injects the faults one after the other. After each fault, calls `report_progress` with the number of
+/// injected faults.
 ///
 /// # Errors
 /// The graph does not start.

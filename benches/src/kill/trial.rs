@@ -263,8 +263,9 @@ impl Trial {
         }
     }
 
-    /// Time at which the launcher detected the failure of a component, ns. Uses the launcher's own time
-    /// stamp, since polling is late by milliseconds while the kernel frees the victim's memory on this core.
+    /// Returns the time at which the launcher detected the failure of a component, ns. Uses the launcher's
+    /// own time stamp, since polling is late by milliseconds while the kernel frees the victim's memory on
+    /// this core.
     fn seen_ns(&self, component: usize, injected_ns: u64) -> u64 {
         let (events, _) = self.region.events().all();
         let failed = events.iter().find(|event| {
@@ -275,7 +276,8 @@ impl Trial {
         failed.map_or_else(monotonic_ns, |event| event.time_ns)
     }
 
-    /// Time at which the last actuator other than the victim entered its safe state after a fault, ns.
+    /// Returns the time at which the last actuator other than the victim entered its safe state after a
+    /// fault, ns.
     fn safe_since(&self, victim: Option<usize>, injected_ns: u64) -> Option<u64> {
         let blocks = self.plan.components.iter().zip(self.region.components()).enumerate();
         let actuators = blocks.filter(|(index, (plan, _))| plan.actuator && Some(*index) != victim);
@@ -291,7 +293,8 @@ impl Trial {
         last
     }
 
-    /// True while a running actuator follows a command older than ten times `stale_after` and 100 ms.
+    /// Returns `true` while a running actuator follows a command older than ten times `stale_after` and 100
+    /// ms.
     fn outage(&self, victim: Option<usize>, now_ns: u64) -> bool {
         self.plan.components.iter().zip(self.region.components()).enumerate().any(|(index, (plan, block))| {
             // Ten times the permitted age, because the polls of this process may be late, too.
@@ -318,7 +321,7 @@ impl Trial {
             && outputs.all(|topic| self.region.topics()[topic].last_publish_ns.load(Relaxed) > since_ns)
     }
 
-    /// True if no actuator is in its safe state.
+    /// Returns `true` if no actuator is in its safe state.
     fn actuators_follow(&self) -> bool {
         let blocks = self.plan.components.iter().zip(self.region.components());
         blocks.filter(|(plan, _)| plan.actuator).all(|(_, block)| block.safe.load(Relaxed) == 0)
@@ -378,7 +381,7 @@ impl Trial {
         None
     }
 
-    /// Objects of the run that are left in shared memory.
+    /// Returns the objects of the run that are left in shared memory.
     fn left(&self) -> usize {
         let folder = usize::from(self.folder.path().exists());
         let objects = std::fs::read_dir("/dev/shm").into_iter().flatten().flatten();
@@ -395,7 +398,7 @@ impl Drop for Trial {
     }
 }
 
-/// A new folder for the output of a run.
+/// Returns a new folder for the output of a run.
 fn scratch() -> Result<PathBuf, MeasureError> {
     use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
     static COUNT: AtomicU32 = AtomicU32::new(0);

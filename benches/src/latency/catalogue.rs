@@ -10,15 +10,15 @@ use crate::{Distribution, MeasureError, read, timer};
 /// A measurement.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Case {
-    /// Its name.
+    /// Name of the case.
     pub name: String,
-    /// Description.
+    /// Description of the measured value.
     pub what: String,
-    /// `true` with background load.
+    /// `true` if the case is measured under background load.
     pub loaded: bool,
-    /// `true` if `--quick` includes it.
+    /// `true` if `--quick` includes the case.
     pub quick: bool,
-    /// Cases of one group are compared and take turns in slices.
+    /// Group of compared cases, which are measured alternately in slices; `None` for a separate case.
     pub group: Option<&'static str>,
     kind: Kind,
 }
@@ -78,12 +78,12 @@ const GROUPS: &[(&str, &[&str])] = &[
     ("blocking on one core, under load", &["floor.futex.same.loaded", "hop.blocking.same.512.loaded"]),
 ];
 
-/// Group in which a measurement takes turns, if any.
+/// Returns the group in which a measurement takes turns, if any.
 pub(super) fn group(name: &str) -> Option<&'static str> {
     GROUPS.iter().find(|(_, names)| names.contains(&name)).map(|(group, _)| *group)
 }
 
-/// All cases in order of measurement; compared cases are adjacent.
+/// Returns all cases, in the order of measurement. Compared cases are adjacent.
 pub fn catalogue() -> Vec<Case> {
     use Transport::{
         Blocking, CacheLine, Futex, Plain, PlainBlocking, PlainBlockingChecked, PlainChecked, Polling, Stock,
@@ -218,8 +218,8 @@ fn size(bytes: usize) -> String {
 }
 
 impl Case {
-    /// Returns `true` if an argument of `--only` selects it: by its name, or by the beginning of its name up
-    /// to a dot.
+    /// Returns `true` if `word`, an argument of `--only`, selects the case: by its name, or by the beginning
+    /// of its name up to a dot.
     pub fn is_meant_by(&self, word: &str) -> bool {
         self.name.strip_prefix(word).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
     }
@@ -349,7 +349,7 @@ impl Bench<'_> {
     }
 }
 
-/// Latency from the head of a chain to a relay's read of the payload.
+/// Returns the latency from the head of a chain to a relay's read of the payload.
 fn way(ran: &Ran, relay: &str) -> Result<Outcome, MeasureError> {
     let seen = ran.result(relay, "way_ns");
     let seen = seen.ok_or_else(|| MeasureError::Ended(format!("`{relay}` has read nothing")))?;

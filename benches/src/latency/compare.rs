@@ -23,7 +23,7 @@ const MANY: usize = 5;
 /// Factor of a floor change above which the machine has changed.
 const MOVED: f64 = 1.5;
 
-/// A change of one ratio.
+/// Direction of a change, relative to the noise.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Direction {
@@ -36,18 +36,18 @@ pub enum Direction {
     /// The ratio has changed, but so has the floor itself, by more than half: measure both on the same
     /// machine.
     FloorMoved,
-    /// A tail from too few runs: provide three files of each side.
+    /// A tail from too few runs: provide three files per side.
     TooFew,
 }
 
-/// One measurement in both.
+/// The change of one measurement.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Change {
-    /// Its name.
+    /// Name of the measurement.
     pub name: String,
     /// The percentile: `p50` or `p99`.
     pub percentile: &'static str,
-    /// Floor by whose same percentile it is divided.
+    /// Name of the floor by which the measurement is divided, at the same percentile.
     pub floor: String,
     /// The median of the old ratios.
     pub old: f64,
@@ -55,20 +55,20 @@ pub struct Change {
     pub old_range: [f64; 2],
     /// The median of the new ratios.
     pub new: f64,
-    /// The same range of the new ratios.
+    /// The lowest and the highest new ratio; with five or more, the second lowest and the second highest.
     pub new_range: [f64; 2],
-    /// `new / old`.
+    /// Relative change: `new / old`.
     pub change: f64,
     /// The verdict.
     pub direction: Direction,
 }
 
-/// Two sides compared.
+/// Result of comparing the files before and after a change.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Comparison {
     /// Differences in the conditions of the two sides.
     pub differences: Vec<String>,
-    /// Every measurement that is in all files, with its floor.
+    /// Changes of all measurements that are in all files.
     pub changes: Vec<Change>,
     /// Measurements that are missing from some files.
     pub left_out: Vec<String>,
@@ -81,7 +81,7 @@ impl Comparison {
     }
 }
 
-/// Compares files from before with files from after, at least one each.
+/// Compares the files before a change with the files after it. Each side needs at least one file.
 pub fn compare(old: &[Written], new: &[Written]) -> Comparison {
     let all: Vec<&Written> = old.iter().chain(new).collect();
     let mut names: Vec<&str> = Vec::new();
@@ -119,7 +119,7 @@ fn is_released(name: &str) -> bool {
     ["release.", "chain.", "panda"].iter().any(|family| name.starts_with(family))
 }
 
-/// Floor by which a measurement is divided: the bare machine doing the most similar work.
+/// Returns the floor by which a measurement is divided: the bare machine doing the most similar work.
 fn floor_of(name: &str, is_there: impl Fn(&str) -> bool) -> Option<String> {
     const FLOORS: &[(&str, &str)] = &[
         ("hop.polling.across.", "floor.plain.512"),

@@ -14,7 +14,7 @@ pub const VERSION: u32 = 2;
 /// Content of the file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Written {
-    /// Version of this format.
+    /// Version of the file format.
     pub version: u32,
     /// Version of motorium.
     pub motorium: String,
@@ -22,9 +22,9 @@ pub struct Written {
     pub arguments: Vec<String>,
     /// Start time, s since 1970.
     pub began_unix_s: u64,
-    /// The machine it was measured on.
+    /// The machine on which the measurements were made.
     pub machine: Machine,
-    /// The generator of load for names that end in `.loaded`, with its options.
+    /// Load generator of measurements whose names end in `.loaded`, with its options.
     pub load: String,
     /// Total duration, s.
     pub seconds: f64,
@@ -41,16 +41,16 @@ pub struct Written {
 /// A measurement that failed or was skipped.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Skipped {
-    /// Its name.
+    /// Name of the measurement.
     pub name: String,
-    /// The reason.
+    /// Reason why it failed or was skipped.
     pub reason: String,
 }
 
-/// The file is not a benchmark.
+/// Error of reading a benchmark file.
 #[derive(Debug, thiserror::Error)]
 pub enum ReadError {
-    /// It could not be read.
+    /// The file could not be read.
     #[error("{file} could not be read: {error}")]
     File {
         /// The file.
@@ -58,8 +58,8 @@ pub enum ReadError {
         /// The reason.
         error: std::io::Error,
     },
-    /// The format has another version, or none.
-    #[error("{file} is of version {found} of the format; this program reads {VERSION}: measure again")]
+    /// The version of the format is missing or not supported.
+    #[error("{file} has version {found} of the format, expected {VERSION}: measure again")]
     Version {
         /// The file.
         file: String,
@@ -67,7 +67,7 @@ pub enum ReadError {
         found: String,
     },
     /// The file was not written by `motorium bench latency --json`.
-    #[error("{file} is not a file that `motorium bench latency --json` wrote: {error}")]
+    #[error("{file} was not written by `motorium bench latency --json`: {error}")]
     Content {
         /// The file.
         file: String,
@@ -100,7 +100,7 @@ impl Written {
         serde_json::from_value(any).map_err(content)
     }
 
-    /// A measurement by its name.
+    /// Returns the measurement named `name`; `None` if it is missing.
     pub fn get(&self, name: &str) -> Option<&Measurement> {
         self.measurements.iter().find(|measurement| measurement.name == name)
     }
@@ -117,8 +117,8 @@ mod tests {
             std::fs::write(&path, text).unwrap();
             Written::read(&path).unwrap_err().to_string()
         };
-        assert!(refusal(r#"{"version": 1, "measurements": []}"#).contains("of version 1 of the format"));
-        assert!(refusal(r#"{"components": []}"#).contains("is not a file that"));
+        assert!(refusal(r#"{"version": 1, "measurements": []}"#).contains("has version 1 of the format"));
+        assert!(refusal(r#"{"components": []}"#).contains("was not written by"));
         assert!(refusal("name,p50").contains("line 1 column 2"));
         std::fs::remove_file(&path).unwrap();
         assert!(Written::read(&path).unwrap_err().to_string().contains("could not be read"));

@@ -52,7 +52,7 @@ impl Miss {
     }
 }
 
-/// The bare machine's value in the same measure as a target, with its name.
+/// Returns the bare machine's value in the same measure as a target, with its name.
 fn bare(seen: &Seen<'_>, what: &str, blamed: &str) -> Option<(f64, String)> {
     let (value, what) = match blamed {
         "hop.polling.across.512" if what.ends_with("plain memory") => (

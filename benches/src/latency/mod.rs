@@ -27,15 +27,15 @@ use crate::{Distribution, MeasureError};
 pub struct Bench<'a> {
     /// Program that hosts `bench.relay` and runs as a [`Role`](crate::Role), normally this one.
     pub program: PathBuf,
-    /// Its component kinds.
+    /// Component kinds of the program.
     pub registry: &'a Registry,
     /// Cores to measure on.
     pub places: Places,
     /// `SCHED_FIFO` priority to request.
     pub fifo: u8,
-    /// Samples of each hop.
+    /// Number of samples of each hop.
     pub samples: usize,
-    /// Round trips at a pace.
+    /// Number of paced round trips.
     pub paced: usize,
     /// Duration of each graph, s.
     pub seconds: u32,
@@ -43,18 +43,18 @@ pub struct Bench<'a> {
     pub fast_seconds: u32,
     /// Duration of the Panda loop, s: its p99.9 needs many samples.
     pub panda_seconds: u32,
-    /// The generator of load.
+    /// Generator of the background load.
     pub loader: Loader,
 }
 
 /// One finished measurement.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Measurement {
-    /// Its name, for `--only`.
+    /// Name of the measurement, as in `--only`.
     pub name: String,
-    /// The measured value.
+    /// Description of the measured value.
     pub what: String,
-    /// Its distribution, ns.
+    /// Distribution of the samples, ns.
     pub ns: Distribution,
     /// Lowest `SCHED_FIFO` priority among its processes, read back; 0 for normal time sharing.
     pub fifo: u32,

@@ -22,13 +22,13 @@ pub enum Verdict {
 /// A target and its measured value.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Target {
-    /// The compared quantities.
+    /// Description of the compared quantities.
     pub what: String,
-    /// Largest value that meets the target.
+    /// Largest value that meets the target, in `unit`.
     pub at_most: f64,
     /// Unit; empty for a ratio.
     pub unit: String,
-    /// The measured value.
+    /// Measured value, in `unit`; `None` if it was not measured.
     pub measured: Option<f64>,
     /// Verdict on the target.
     pub verdict: Verdict,
@@ -225,7 +225,7 @@ const TARGETS: &[(&str, f64, &str, Value, &str)] = &[
     ),
 ];
 
-/// Evaluates the targets for the measurements of one run.
+/// Evaluates all targets with the measurements of one run.
 pub fn targets(measured: &[Measurement]) -> Vec<Target> {
     let seen = Seen(measured);
     let fill = |(what, at_most, unit, value, blamed): &(&str, f64, &str, Value, &str)| {

@@ -57,15 +57,15 @@ pub enum Transport {
 pub struct PingPong {
     /// Transport of the payload.
     pub transport: Transport,
-    /// Bytes of payload; one of [`SIZES`](crate::payload::SIZES).
+    /// Size of the payload, bytes; one of [`SIZES`](crate::payload::SIZES).
     pub bytes: usize,
     /// The cores of the two processes.
     pub cores: [usize; 2],
-    /// `SCHED_FIFO` priority of both; 0 for none.
+    /// `SCHED_FIFO` priority of both processes; 0 for normal time sharing.
     pub fifo: u8,
-    /// Round trips, with two samples each, or one with a pace or for the cache line.
+    /// Number of round trips. Each has two samples, or one with a pace or for the cache line.
     pub rounds: usize,
-    /// Rounds before the recorded ones.
+    /// Number of warm-up rounds before the recorded ones.
     pub warm_up: usize,
     /// Time between two round trips, ns; the receiver then sleeps deeply. 0 for back-to-back round trips.
     pub pace_ns: u64,
@@ -90,7 +90,7 @@ struct Assignment {
 
 const SIDES: [&str; 2] = ["ping", "pong"];
 
-/// Runs a measurement with a program that passes its arguments to [`Role`](crate::Role).
+/// Runs a measurement with `program`, which passes its arguments to [`Role`](crate::Role).
 ///
 /// # Errors
 /// Shared memory or the processes could not be created, or a process failed.

@@ -53,7 +53,7 @@ impl<'a, P: Payload> PlainMemory<'a, P> {
         Ok(Self { buffer, memory, side, waits, checks, sent: 0, received: 0, payload: PhantomData })
     }
 
-    /// Payload of a side's turn; its stamp, if any, precedes it.
+    /// Returns the payload of a side's turn; its stamp, if any, precedes it.
     fn payload(&self, side: usize, number: usize) -> *mut P {
         let stamp = if self.checks { STAMP } else { 0 };
         let place = (side * TURNS + number % TURNS) * (size_of::<P>() + stamp) + stamp;

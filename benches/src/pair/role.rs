@@ -42,7 +42,7 @@ pub(crate) fn run_role(side: &str, folder: &Path) -> Result<(), String> {
         | Transport::PlainBlocking
         | Transport::PlainChecked
         | Transport::PlainBlockingChecked => with_payload(ping_pong.bytes, process)
-            .ok_or_else(|| format!("there is no payload of {} bytes", ping_pong.bytes))?,
+            .ok_or_else(|| format!("no payload has {} bytes", ping_pong.bytes))?,
     }
 }
 

@@ -80,17 +80,17 @@ impl SharedBuffer {
         unsafe { &*self.memory.as_ptr().cast::<Head>() }
     }
 
-    /// The line on which a side sends.
+    /// Returns the line on which a side sends.
     pub(super) fn line(&self, side: usize) -> &Line {
         &self.head().lines[side]
     }
 
-    /// The payload of a round of a side.
+    /// Returns the payload of a round of a side.
     pub(super) fn payload(&self, side: usize, round: u64) -> &Payload {
         &self.head().payloads[side][round as usize % PAYLOADS]
     }
 
-    /// State of a side.
+    /// Returns the state of a side.
     pub(super) fn side(&self, side: usize) -> &Side {
         &self.head().sides[side]
     }
@@ -114,7 +114,7 @@ impl SharedBuffer {
         }
     }
 
-    /// The samples of a side.
+    /// Returns the samples of a side.
     pub(super) fn recorded(&self, side: usize) -> Vec<u64> {
         let count = self.side(side).recorded.load(std::sync::atomic::Ordering::Acquire) as usize;
         self.samples(side)[..count.min(self.room)].iter().map(|cell| cell.load(Relaxed)).collect()

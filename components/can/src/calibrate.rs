@@ -7,18 +7,18 @@ use crate::bus::{Bus, Received};
 use crate::frame::Frame;
 use crate::table::{Table, TableError};
 
-/// Calibrated offset of the drive of a joint that was held in a known pose.
+/// Calibrated offset of a drive whose joint was held in a known pose.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Calibrated {
     /// Joint.
     pub joint: String,
-    /// Mean position with the table's offset, rad or m.
+    /// Mean measured position with the table's offset, rad or m.
     pub position: f64,
-    /// Offset with which the joint reads the position of the pose, rad or m.
+    /// Calibrated offset, with which the joint reads its position in the pose, rad or m.
     pub offset: f64,
-    /// Offset of the table, rad or m.
+    /// Offset in the table before calibration, rad or m.
     pub before: f64,
-    /// Difference between the largest and smallest position, rad or m.
+    /// Difference between the largest and smallest measured position, rad or m.
     pub spread: f64,
     /// Number of averaged answers.
     pub answers: u64,
@@ -32,7 +32,7 @@ pub enum CalibrationError {
     Table(#[from] TableError),
     /// Another program commands a drive.
     #[error(
-        "another program commands the drive of `{joint}`: stop it first, because calibration disables all drives"
+        "another program commands the drive of `{joint}`: stop that program, because calibration disables all drives"
     )]
     Commanded {
         /// Joint of the drive.
@@ -53,7 +53,7 @@ pub enum CalibrationError {
         joint: String,
     },
     /// A joint moved.
-    #[error("`{joint}` moved by {spread:.3} while it was measured: hold it still")]
+    #[error("joint `{joint}` moved by {spread:.3} rad or m while it was measured: hold it still")]
     Moved {
         /// Joint.
         joint: String,
@@ -72,11 +72,12 @@ const ANSWER_TIMEOUT: u32 = 300;
 const STILL: f64 = 0.05;
 
 /// Measures the offsets of all drives for `time` while the robot is held at `pose` \[rad or m\], which has
-/// one position per joint in `joints`. Homed drives are skipped, and no drive is enabled. `pass` advances
-/// time on `buses`, the buses in the order of the table, and returns the current time, ns.
+/// one position per joint in `joints`. Homed drives are skipped, and no drive is enabled. `buses` are in the
+/// order of the table. `pass` advances time on them and returns the current time, ns.
 ///
-/// # Errors Returns an error if another program commands a drive, or if a drive has a setting that differs
-/// from the table, does not answer, or moves.
+/// # Errors
+/// Returns an error if another program commands a drive, or if a drive has a setting that differs from the
+/// table, does not answer, or moves.
 ///
 /// # Panics
 /// Panics if `pose` and `joints` differ in length, or if there are fewer buses than in the table.

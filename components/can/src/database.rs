@@ -37,7 +37,7 @@ pub struct Database {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum DatabaseError {
     /// The text is not a DBC file.
-    #[error("it is not a DBC file: {0}")]
+    #[error("the text is not a DBC file: {0}")]
     Syntax(String),
     /// A signal is invalid.
     #[error("the signal `{signal}` of the message `{message}`: {cause}")]
@@ -46,7 +46,7 @@ pub enum DatabaseError {
         message: String,
         /// Name of the signal.
         signal: String,
-        /// Reason.
+        /// Reason why the signal is invalid.
         cause: String,
     },
     /// Two messages have the same identifier.
@@ -114,9 +114,9 @@ pub struct Decoded<'a> {
 pub struct SignalValue<'a> {
     /// Name of the signal.
     pub name: &'a str,
-    /// Scaled value.
+    /// Scaled value, in `unit`.
     pub value: f64,
-    /// Exact value if it is an integer, because `value` does not resolve 64 bits.
+    /// Exact value of an integer signal; `None` otherwise. `value` cannot represent all 64-bit integers.
     pub whole: Option<i128>,
     /// Scaled value with all digits, unless the signal is a floating-point number.
     exact: Option<Decimal>,
@@ -124,7 +124,7 @@ pub struct SignalValue<'a> {
     digits: usize,
     /// Unit; empty if the database has none.
     pub unit: &'a str,
-    /// Name of the value, if the database has one.
+    /// Name of the value; `None` if the database does not name it.
     pub label: Option<&'a str>,
 }
 
@@ -195,10 +195,11 @@ impl Database {
         }
     }
 
-    /// Restricts the significant bits of the identifiers to `mask`, for example to apply the database of node
-    /// 0 to all nodes.
+    /// Compares only the bits of the identifiers that are set in `mask`, for example to apply the database of
+    /// node 0 to all nodes.
     ///
-    /// # Errors Returns an error if the identifiers of two messages differ only in the other bits.
+    /// # Errors
+    /// Returns an error if the identifiers of two messages differ only in ignored bits.
     pub fn with_mask(self, mask: u32) -> Result<Self, DatabaseError> {
         let mut masked = Self { messages: BTreeMap::new(), mask };
         for ((extended, id), message) in self.messages {
@@ -207,7 +208,7 @@ impl Database {
         Ok(masked)
     }
 
-    /// Number of messages.
+    /// Returns the number of messages.
     pub fn len(&self) -> usize {
         self.messages.len()
     }
@@ -217,7 +218,7 @@ impl Database {
         self.messages.is_empty()
     }
 
-    /// Decodes a frame. Returns `None` for an unknown message.
+    /// Decodes a frame; `None` if the database has no message with its identifier.
     pub fn decode(&self, frame: &Frame) -> Option<Decoded<'_>> {
         let (extended, id) = match frame.id {
             Id::Standard(id) => (false, u32::from(id)),
@@ -327,7 +328,7 @@ impl Message {
 }
 
 impl Signal {
-    /// Number of bits from the start of the data to the end of the signal, in transmission order.
+    /// Returns the number of bits from the start of the data to the end of the signal, in transmission order.
     fn end(&self) -> usize {
         match self.order {
             ByteOrder::LittleEndian => self.start.saturating_add(self.bits),

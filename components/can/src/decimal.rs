@@ -19,7 +19,7 @@ impl Decimal {
         Some(Self { digits, exponent: exponent.parse::<i32>().ok()? - i32::try_from(fraction.len()).ok()? })
     }
 
-    /// Digits for an exponent that is not larger; `None` if there are too many.
+    /// Returns the digits for an exponent that is not larger; `None` if there are too many.
     fn digits_at(self, exponent: i32) -> Option<i128> {
         10_i128.checked_pow(u32::try_from(self.exponent - exponent).ok()?)?.checked_mul(self.digits)
     }

@@ -19,7 +19,7 @@ pub struct Command {
 }
 
 impl Command {
-    /// Unlimited torque for this command at this position \[rad\] and velocity \[rad/s\], N m.
+    /// Returns the torque of this command at a position \[rad\] and velocity \[rad/s\], without limits, N m.
     ///
     /// ```
     /// use motorium_can::drive::Command;
@@ -41,9 +41,9 @@ pub struct Feedback {
     pub velocity: f64,
     /// Torque, N m.
     pub torque: f64,
-    /// Temperature of the drive, degrees Celsius, if it is reported.
+    /// Temperature of the drive, degrees Celsius; `None` if not reported.
     pub temperature: Option<f64>,
-    /// Supply voltage, V, if it is reported.
+    /// Supply voltage, V; `None` if not reported.
     pub voltage: Option<f64>,
     /// State of the drive.
     pub state: State,
@@ -86,7 +86,7 @@ pub enum Fault {
 }
 
 impl Fault {
-    /// Short description of the fault.
+    /// Returns a short description of the fault.
     pub fn description(self) -> &'static str {
         match self {
             Self::OverVoltage => "supply voltage too high",
@@ -101,7 +101,7 @@ impl Fault {
         }
     }
 
-    /// Drive-specific code of a fault without a variant here.
+    /// Returns the drive-specific code of [`Other`](Self::Other); `None` for all other faults.
     pub fn code(self) -> Option<u32> {
         match self {
             Self::Other(code) => Some(code),
@@ -110,7 +110,7 @@ impl Fault {
     }
 }
 
-/// Ranges of the fields, in units of the drive's output shaft.
+/// Ranges of the fields of a drive's frames, in units of its output shaft.
 ///
 /// ```
 /// use motorium_can::drive::Ranges;
@@ -132,8 +132,8 @@ pub struct Ranges {
 }
 
 impl Ranges {
-    /// Creates ranges from the largest position, velocity and torque, with gains up to 500 N m/rad and 5 N m
-    /// s/rad.
+    /// Creates ranges from the largest position (rad), velocity (rad/s) and torque (N m). Gains range up to
+    /// 500 N m/rad and 5 N m s/rad.
     pub const fn new(position: f64, velocity: f64, torque: f64) -> Self {
         Self {
             position: Range::symmetric(position),
@@ -155,7 +155,7 @@ impl Ranges {
         }
     }
 
-    /// Sets the largest gains.
+    /// Sets the largest position gain `kp` (N m/rad) and velocity gain `kd` (N m s/rad).
     #[must_use]
     pub const fn with_gains(self, kp: f64, kd: f64) -> Self {
         Self { kp: Range::from_zero(kp), kd: Range::from_zero(kd), ..self }

@@ -2,7 +2,8 @@
 
 use core::fmt;
 
-/// Identifier of a frame. The lower identifier wins arbitration.
+/// Identifier of a frame. If two frames start simultaneously, the one with the lower identifier wins
+/// arbitration.
 ///
 /// ```
 /// use motorium_can::Id;
@@ -13,9 +14,9 @@ use core::fmt;
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Id {
-    /// 11 bits.
+    /// Identifier of 11 bits.
     Standard(u16),
-    /// 29 bits.
+    /// Identifier of 29 bits.
     Extended(u32),
 }
 
@@ -30,9 +31,9 @@ impl Id {
         (id < 1 << 29).then_some(Self::Extended(id))
     }
 
-    /// Bits of the arbitration field in transmission order, without the remote bit. If two frames start
-    /// simultaneously, the one with the smaller number is sent. A standard identifier wins over an extended
-    /// one with the same first 11 bits.
+    /// Returns the bits of the arbitration field as a number, in transmission order and without the remote
+    /// bit. If two frames start simultaneously, the one with the smaller number wins. A standard identifier
+    /// wins over an extended one with the same first 11 bits.
     pub fn arbitration(self) -> u32 {
         match self {
             Self::Standard(id) => u32::from(id) << 21,
@@ -51,7 +52,7 @@ impl fmt::Display for Id {
     }
 }
 
-/// Form of a frame on the wire.
+/// Form of a frame on the wire: classic CAN, CAN FD or a serial packet.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Form {
     /// Classic CAN: up to 8 bytes.
@@ -66,7 +67,7 @@ pub enum Form {
 }
 
 impl Form {
-    /// Largest number of data bytes.
+    /// Returns the maximum number of data bytes.
     pub fn capacity(self) -> usize {
         match self {
             Self::Classic => 8,
@@ -85,9 +86,9 @@ impl Form {
 /// ```
 #[derive(Clone, Copy)]
 pub struct Frame {
-    /// Identifier.
+    /// Identifier of the frame.
     pub id: Id,
-    /// Form.
+    /// Form on the wire.
     pub form: Form,
     length: u8,
     data: [u8; 64],
@@ -136,20 +137,20 @@ impl Frame {
         Self { form, ..self }
     }
 
-    /// Data bytes.
+    /// Returns the data bytes.
     #[inline]
     pub fn data(&self) -> &[u8] {
         &self.data[..usize::from(self.length).min(64)]
     }
 
-    /// Mutable data bytes.
+    /// Returns mutable data bytes.
     pub fn data_mut(&mut self) -> &mut [u8] {
         &mut self.data[..usize::from(self.length).min(64)]
     }
 }
 
 impl Default for Frame {
-    /// Empty frame with the 11-bit identifier of the lowest priority.
+    /// Returns an empty frame with the 11-bit identifier of the lowest priority.
     fn default() -> Self {
         Self { id: Id::Standard(0x7ff), form: Form::Classic, length: 0, data: [0; 64] }
     }
@@ -182,7 +183,7 @@ impl fmt::Debug for Frame {
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum DecodeError {
     /// The frame has another identifier.
-    #[error("a frame with the identifier {found}, expected {expected}")]
+    #[error("the frame has the identifier {found}, expected {expected}")]
     Id {
         /// Identifier found.
         found: Id,
@@ -190,19 +191,19 @@ pub enum DecodeError {
         expected: Id,
     },
     /// The frame comes from another device with the same identifier.
-    #[error("a frame of device {found}, expected {expected}")]
+    #[error("the frame comes from device {found}, expected {expected}")]
     Device {
         /// Device named in the data.
         found: u8,
         /// Device expected.
         expected: u8,
     },
-    /// The frame has the wrong length for its kind.
-    #[error("{found} bytes, expected {expected}")]
+    /// The frame has the wrong length.
+    #[error("the frame has {found} bytes, expected {expected}")]
     Length {
-        /// Bytes found.
+        /// Number of bytes found.
         found: usize,
-        /// Bytes of a frame of this kind.
+        /// Number of bytes expected.
         expected: usize,
     },
     /// A field has a value that the protocol does not define, or a reserved bit is set.
@@ -220,13 +221,13 @@ pub enum DecodeError {
         field: &'static str,
     },
     /// A number is beyond the measuring range of the device.
-    #[error("{field} is implausible: the device cannot have reached it")]
+    #[error("{field} is implausible: the value is beyond the measuring range of the device")]
     Implausible {
         /// Field.
         field: &'static str,
     },
-    /// The frame answers a different request.
-    #[error("the answer is about 0x{found:X}, expected 0x{expected:X}")]
+    /// The frame answers a request for another register or object.
+    #[error("the answer concerns register or object 0x{found:X}, expected 0x{expected:X}")]
     Answer {
         /// Register or object in the answer.
         found: u32,

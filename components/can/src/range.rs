@@ -1,6 +1,6 @@
 //! Encoding of numbers as unsigned integers of a few bits, evenly spaced over a range.
 
-/// Range of numbers represented by a field of a frame.
+/// Range of the numbers that a field of a frame represents.
 ///
 /// A field of `n` bits contains `(x - min) (2^n - 1) / (max - min)`, rounded to the nearest integer. Zero in
 /// the middle of a range is rounded down. Numbers outside the range are clamped.
@@ -22,12 +22,12 @@ pub struct Range {
 }
 
 impl Range {
-    /// Range from `-max` to `max`.
+    /// Creates a range from `-max` to `max`.
     pub const fn symmetric(max: f64) -> Self {
         Self { min: -max, max }
     }
 
-    /// Range from 0 to `max`.
+    /// Creates a range from 0 to `max`.
     pub const fn from_zero(max: f64) -> Self {
         Self { min: 0.0, max }
     }
@@ -38,23 +38,23 @@ impl Range {
         x.clamp(self.min, self.max)
     }
 
-    /// Field of `bits` bits, 1 to 16, that represents the range.
+    /// Returns a field of `bits` bits (1 to 16) that represents the range.
     pub const fn field(&self, bits: u32) -> Fields<1> {
         Fields::new([*self], [bits])
     }
 
-    /// Integer of `bits` bits for a number. NaN is encoded as the number nearest to zero.
+    /// Encodes a number as an integer of `bits` bits. NaN is encoded as the number nearest to zero.
     pub fn encode(&self, x: f64, bits: u32) -> u16 {
         let [value] = self.field(bits).encode([x]);
         value as u16
     }
 
-    /// Number for an integer of `bits` bits.
+    /// Decodes an integer of `bits` bits to a number in the range.
     pub fn decode(&self, value: u16, bits: u32) -> f64 {
         self.field(bits).decode::<0>(value)
     }
 
-    /// Distance between adjacent numbers of `bits` bits.
+    /// Returns the distance between two adjacent numbers that a field of `bits` bits represents.
     pub const fn resolution(&self, bits: u32) -> f64 {
         (self.max - self.min) / largest(bits) as f64
     }
@@ -65,17 +65,16 @@ impl Range {
     }
 }
 
-/// Largest integer of `bits` bits, 1 to 16.
+/// Returns the largest integer of `bits` bits, 1 to 16.
 const fn largest(bits: u32) -> u32 {
     debug_assert!(1 <= bits && bits <= 16);
     (1 << bits) - 1
 }
 
-/// Fields of a frame: ranges and numbers of bits, with the factors that convert numbers to integers and back.
+/// Fields of a frame: their ranges and bit counts, with precomputed factors for encoding and decoding.
 ///
-/// The factors are computed once, so encoding and decoding need no divisions, and no branches except for NaN.
-/// Steps are counted from the upper end of the range and rounded half to even, which rounds zero in the
-/// middle of a symmetric range down.
+/// Encoding and decoding need no divisions, and no branches except for NaN. Steps are counted from the upper
+/// end of the range and rounded half to even, which rounds zero in the middle of a symmetric range down.
 ///
 /// ```
 /// use motorium_can::Range;
@@ -104,7 +103,7 @@ pub struct Fields<const N: usize> {
 const ROUNDING: f64 = 4_503_599_627_370_496.0;
 
 impl<const N: usize> Fields<N> {
-    /// Creates fields for these ranges with these numbers of bits, 1 to 16.
+    /// Creates fields with these ranges. `bits` contains the number of bits of each field, 1 to 16.
     pub const fn new(ranges: [Range; N], bits: [u32; N]) -> Self {
         let none = [0.0; N];
         let mut fields =
@@ -130,7 +129,7 @@ impl<const N: usize> Fields<N> {
         fields
     }
 
-    /// Integers for these numbers. A number outside its range is clamped, and NaN is encoded as the number
+    /// Encodes one number per field. A number outside its range is clamped, and NaN is encoded as the number
     /// nearest to zero.
     #[inline]
     pub fn encode(&self, x: [f64; N]) -> [u64; N] {
@@ -160,7 +159,7 @@ impl<const N: usize> Fields<N> {
         self.encode_numbers(core::array::from_fn(|i| if x[i].is_nan() { self.nothing[i] } else { x[i] }))
     }
 
-    /// Number for an integer of field `I`.
+    /// Decodes the integer of field `I` to a number in its range.
     #[inline]
     pub fn decode<const I: usize>(&self, value: u16) -> f64 {
         f64::from(value) * self.step[I] + self.min[I]

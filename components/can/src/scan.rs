@@ -8,23 +8,23 @@ use crate::protocols::definitions;
 pub use crate::protocols::device::{Device, DeviceKind};
 use crate::protocols::spec::DriveProtocol;
 
-/// Devices found on a bus.
+/// Result of a scan: devices found on a bus.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Found {
-    /// Devices, by ID.
+    /// Devices, ordered by ID.
     pub devices: Vec<Device>,
-    /// Identifiers and counts of frames that do not belong to any of the devices.
+    /// Identifiers and counts of frames from unknown devices.
     pub others: Vec<(Id, u64)>,
-    /// Search for CAN FD drives.
+    /// Outcome of the search for CAN FD drives.
     pub fd: FdSearch,
-    /// A classic CAN frame was received; its sender may not support CAN FD.
+    /// `true` if a classic CAN frame was received; its sender may not support CAN FD.
     has_classic: bool,
 }
 
 /// Outcome of a search for CAN FD drives.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum FdSearch {
-    /// Not requested.
+    /// The search was not requested.
     #[default]
     NotWanted,
     /// Every ID was queried.
@@ -39,14 +39,14 @@ pub enum FdSearch {
     },
 }
 
-/// Finds the devices on a bus. Reads the registers of Damiao drives, which has no side effects, and listens
-/// for the heartbeats of ODrives and CANopen nodes. `pass` advances time.
+/// Finds the devices on a bus. It reads the registers of Damiao drives, which has no side effects, and
+/// listens for the heartbeats of ODrives and CANopen nodes. `pass` advances time.
 ///
-/// With `has_errors`, the registers of moteus drives are then read with CAN FD frames. `has_errors` returns
-/// `true` if the bus has reported an error since it was opened. A classic-only node disturbs such frames, and
-/// the controller repeats them until it is bus-off. The search therefore stops at the first classic frame or
-/// error, even before its first request. A silent classic node remains undetected, so request this only if
-/// every node supports CAN FD.
+/// If `has_errors` is given, the function then searches for moteus drives, by reading their registers with
+/// CAN FD frames. `has_errors` returns `true` if the bus has reported an error since it was opened. A node
+/// without CAN FD disturbs these frames, and the controller repeats them until it is bus-off. The search
+/// therefore stops at the first classic frame or error, even before its first request. A silent classic node
+/// remains undetected, so pass `has_errors` only if every node supports CAN FD.
 ///
 /// ```no_run
 /// use std::time::Duration;

@@ -13,9 +13,9 @@ pub struct ServoFound {
     pub number: u8,
     /// Protocol of the servo.
     pub protocol: Protocol,
-    /// Model number and firmware version, if reported (protocol 2.0).
+    /// Model number and firmware version; `None` if not reported. Protocol 2.0 only.
     pub model: Option<(u16, u8)>,
-    /// Error flags.
+    /// Error flags of the servo; 0 without an error.
     pub error: u8,
 }
 
@@ -27,8 +27,8 @@ const ALL: Duration = Duration::from_millis(300);
 /// Time for the answer of one servo.
 const ONE: Duration = Duration::from_millis(3);
 
-/// Finds the servos on a line, at the speed with which it was opened, by pinging each number up to `last`.
-/// Pinging has no side effects. `pass` advances time.
+/// Finds the servos on a serial line by pinging each number up to `last`, at the speed with which the line
+/// was opened. Pinging has no side effects. `pass` advances time.
 ///
 /// ```no_run
 /// use motorium_can::{SERVO_SPEEDS, ServoBus, scan_servos};

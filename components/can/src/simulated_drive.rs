@@ -43,12 +43,12 @@ impl AnySimulatedDrive {
         Self(drive)
     }
 
-    /// Sets the condition of the mark that the drive searches for when it is homed.
+    /// Sets the behaviour of the mark that the drive searches for during homing.
     pub fn set_mark(&mut self, mark: Mark) {
         self.0.motor_mut().mark = mark;
     }
 
-    /// Identifiers of the frames that the drive receives.
+    /// Returns the identifiers of the frames that the drive receives.
     pub fn ids(&self) -> Vec<Id> {
         self.0.ids()
     }
@@ -58,8 +58,8 @@ impl AnySimulatedDrive {
         self.0.receive(frame, now_ns, answer);
     }
 
-    /// Observes a frame of another drive, and passes a frame triggered by it to `answer`. Servos that answer
-    /// together send one after the other.
+    /// Observes a frame of another drive, and passes any frame sent in response to `answer`. Servos with a
+    /// common answer send one after the other.
     pub fn observe(&mut self, frame: &Frame, answer: &mut dyn FnMut(Frame)) {
         self.0.observe(frame, answer);
     }
@@ -97,12 +97,12 @@ impl AnySimulatedDrive {
         self.0.corruption()
     }
 
-    /// Number of watchdog trips.
+    /// Returns the number of watchdog trips.
     pub fn watchdog_trips(&self) -> u64 {
         self.0.watchdog_trips()
     }
 
-    /// Temperature, degrees Celsius.
+    /// Returns the temperature, degrees Celsius.
     pub fn temperature(&self) -> f64 {
         self.0.motor().temperature
     }

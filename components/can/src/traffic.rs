@@ -14,7 +14,7 @@ use crate::bus::time::monotonic_ns;
 use crate::{Form, Frame, Id, Received, Report};
 pub use listener::{Listener, Sender};
 
-/// One line of traffic: time, interface and frame.
+/// One line of bus traffic: time, interface and frame.
 ///
 /// ```
 /// use motorium_can::{Id, Record};
@@ -36,9 +36,9 @@ pub struct Record(CanDumpRecord);
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{found:?} is not a frame: {message}")]
 pub struct RecordError {
-    /// Line.
+    /// Line that failed to parse.
     pub found: String,
-    /// Column of the mistake, counted from 1.
+    /// Column of the error, counted from 1.
     pub column: usize,
     /// Reason.
     pub message: String,
@@ -62,7 +62,7 @@ impl FromStr for Record {
         };
         match Reader::from_reader(line.as_bytes()).next_record() {
             Ok(Some(record)) => Ok(Self(record)),
-            Ok(None) => Err(refuse("it is empty".into())),
+            Ok(None) => Err(refuse("the line is empty".into())),
             Err(error) => Err(refuse(error.to_string())),
         }
     }
@@ -119,9 +119,9 @@ fn mistake(frame: &str) -> Option<String> {
     let digits = bytes.chars().filter(|letter| *letter != '.').count();
     if digits > 2 * most {
         let count = digits.div_ceil(2);
-        return Some(format!("{count} bytes of data, and a frame {form} has up to {most}"));
+        return Some(format!("{count} bytes of data, but a frame {form} has at most {most}"));
     }
-    (digits % 2 == 1).then(|| "half a byte of data at its end".to_string())
+    (digits % 2 == 1).then(|| "the data end with half a byte".to_string())
 }
 
 impl Record {
@@ -170,17 +170,17 @@ impl Record {
         Some(record)
     }
 
-    /// Time, us since 1970, or since the epoch of the log.
+    /// Returns the receive time, in us since 1970 or since the epoch of the log.
     pub fn time_us(&self) -> u64 {
         self.0.t_us
     }
 
-    /// Interface.
+    /// Returns the name of the interface.
     pub fn interface(&self) -> &str {
         &self.0.device
     }
 
-    /// Data frame, if the record contains one.
+    /// Returns the data frame; `None` if the record contains something else.
     pub fn frame(&self) -> Option<Frame> {
         let form = match &self.0.frame {
             CanAnyFrame::Normal(_) => Form::Classic,
@@ -194,7 +194,7 @@ impl Record {
         Frame::new(id, form, self.0.frame.data())
     }
 
-    /// Controller report, if the record contains one.
+    /// Returns the controller report; `None` if the record contains something else.
     pub fn report(&self) -> Option<Report> {
         match &self.0.frame {
             CanAnyFrame::Error(error) => {
@@ -207,7 +207,7 @@ impl Record {
         }
     }
 
-    /// Description of the controller report, if the record contains one.
+    /// Returns a description of the controller report; `None` if the record contains something else.
     pub fn error(&self) -> Option<String> {
         match &self.0.frame {
             CanAnyFrame::Error(error) => Some(error.into_error().to_string().to_lowercase()),
@@ -283,7 +283,7 @@ mod tests {
             ("(1735270496.916858) can0", 25, "ends after `can0`, expected a frame, such as `123#0102`"),
             ("(1735270496.916858 can0 123#01", 1, "found `(1735270496.916858`, expected a time in s"),
             ("  (now) can0 123#01", 3, "found `(now)`, expected a time in s such as `(1735270496.916858)`"),
-            ("(1735270496.916858) can0 123#0", 26, "half a byte of data at its end"),
+            ("(1735270496.916858) can0 123#0", 26, "the data end with half a byte"),
             ("(1735270496.916858) can0 12#01", 26, "an identifier of 2 digits, expected 3 (11 bits)"),
             ("hello", 1, "found `hello`, expected a time in s"),
             (
@@ -322,10 +322,10 @@ mod tests {
             ("8FF#01", "the identifier 0x8FF is beyond 0x7FF"),
             ("40000000#01", "the identifier 0x40000000 is beyond 0x1FFFFFFF"),
             ("123#0G", "`G` in the data is not a hexadecimal digit"),
-            ("123#010", "half a byte of data at its end"),
-            ("123#01.020", "half a byte of data at its end"),
-            ("123#010203040506070809", "9 bytes of data, and a frame of classic CAN has up to 8"),
-            ("123#01.02.03.04.05.06.07.08.09", "9 bytes of data, and a frame of classic CAN has up to 8"),
+            ("123#010", "the data end with half a byte"),
+            ("123#01.020", "the data end with half a byte"),
+            ("123#010203040506070809", "9 bytes of data, but a frame of classic CAN has at most 8"),
+            ("123#01.02.03.04.05.06.07.08.09", "9 bytes of data, but a frame of classic CAN has at most 8"),
         ] {
             let message = Record::of_frame(frame, "can0").err().map(|error| error.to_string());
             assert!(message.as_ref().is_some_and(|message| message.contains(words)), "{frame}: {message:?}");

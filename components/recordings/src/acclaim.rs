@@ -1,7 +1,7 @@
 //! Acclaim skeletons (`.asf`) and motions (`.amc`), the format of the CMU motion-capture database.
 //!
-//! A bone rotates its direction by `C M C^-1`, where `C` is the rotation of its `axis` and `M` the product of
-//! its `dof` rotations, the first applied first.
+//! The rotation of a bone is `C M C^-1`. `C` is the rotation of its `axis`, and `M` is the product of its
+//! `dof` rotations, applied in the listed order.
 
 use std::collections::BTreeMap;
 
@@ -54,7 +54,7 @@ fn axis(letter: char) -> Option<usize> {
     }
 }
 
-/// Returns the rotation by angles in degrees about the axes named by `order`, the first applied first.
+/// Returns the rotation by angles in degrees about the axes named by `order`, applied in this order.
 fn rotation(
     path: &str,
     line: usize,
@@ -101,9 +101,9 @@ fn channel(bone: &str, motion: Motion) -> String {
 }
 
 impl Skeleton {
-    /// Reads a skeleton in the `.asf` format; `path` is named in errors.
+    /// Parses a skeleton in the `.asf` format. `path` is used only in error messages.
     ///
-    /// Angles may be in degrees or rad; lengths keep the unit of the bones.
+    /// Angles may be in degrees or rad; lengths keep the unit of the file.
     ///
     /// # Errors
     /// A line is invalid, a bone is missing from the hierarchy, or the hierarchy is not a tree.
@@ -145,7 +145,7 @@ impl Skeleton {
                 }
                 ("bonedata", "begin") => draft = Some(Draft::default()),
                 ("bonedata", "end") => {
-                    let made = draft.take().ok_or_else(|| wrong(path, line, "end", "begin before it"))?;
+                    let made = draft.take().ok_or_else(|| wrong(path, line, "end", "a preceding `begin`"))?;
                     bones.push(made.finish(path, line, degrees)?);
                     if bones.len() > MOST_BONES {
                         return Err(wrong(path, line, "more bones", format!("at most {MOST_BONES}")));
@@ -172,8 +172,8 @@ impl Skeleton {
         assemble(path, last, root, &bones, &parents)
     }
 
-    /// Reads a motion of this skeleton in the `.amc` format, at `rate` samples per second; `path` is named in
-    /// errors.
+    /// Parses a motion of this skeleton in the `.amc` format, at `rate` samples per second. `path` is used
+    /// only in error messages.
     ///
     /// # Errors
     /// A line does not match the skeleton, the rate is not positive, or there are fewer than two samples.
@@ -193,7 +193,12 @@ impl Skeleton {
             let values = samples.iter_mut().skip(rows.saturating_sub(1) * channels);
             for (value, name) in values.zip(&self.channels).filter(|(value, _)| value.is_nan()) {
                 if is_full {
-                    return Err(wrong(path, line, "the end of a sample", format!("a value of {name} in it")));
+                    return Err(wrong(
+                        path,
+                        line,
+                        "the end of a sample",
+                        format!("a value of {name} before it"),
+                    ));
                 }
                 *value = 0.0;
             }
@@ -325,12 +330,7 @@ fn assemble(
         });
         if left.len() == before {
             let line = parents.get(&left[0].name).map_or(last, |(_, line)| *line);
-            return Err(wrong(
-                path,
-                line,
-                &left[0].name,
-                "a hierarchy that leads from the root to each bone",
-            ));
+            return Err(wrong(path, line, &left[0].name, "a hierarchy that connects every bone to the root"));
         }
     }
     if let Some((child, (_, line))) =
@@ -401,7 +401,7 @@ mod tests {
         );
         assert!(error(&SKELETON.replace("upper lower", "lower upper")).contains("one parent"));
         assert!(
-            error(&SKELETON.replace(" root upper\n", "")).contains("a hierarchy that leads from the root")
+            error(&SKELETON.replace(" root upper\n", "")).contains("a hierarchy that connects every bone")
         );
         assert!(error(&SKELETON.replace(" name upper\n", "")).contains("name of the bone"));
         let skeleton = Skeleton::from_asf("a.asf", SKELETON).expect("a skeleton");

@@ -78,8 +78,8 @@ fn motion(words: &Words<'_>, word: &str) -> Result<Motion, RecordingError> {
 }
 
 impl Skeleton {
-    /// Reads a skeleton and its motion in the `.bvh` format; `path` is named in errors. The end of a chain is
-    /// a joint named `PARENT_end`.
+    /// Parses a skeleton and its motion in the `.bvh` format. `path` is used only in error messages. The end
+    /// of a chain becomes a joint named `PARENT_end`.
     ///
     /// # Errors
     /// A word is invalid, or there are fewer than two samples.

@@ -7,16 +7,16 @@ use crate::Recording;
 /// A discontinuity that was removed from a recording.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Removed {
-    /// An angle with changes by a whole turn between two samples.
+    /// An angle that changed by a full turn between two samples.
     Turns {
         /// Name of the channel.
         name: String,
-        /// Number of such changes.
+        /// Number of full-turn changes.
         count: usize,
-        /// A whole turn in the unit of the channel: 2 pi or 360.
+        /// Full turn in the unit of the channel: 2 pi or 360.
         turn: f64,
     },
-    /// A quaternion with sign changes, which do not change the rotation.
+    /// A quaternion whose sign changed; the rotation is the same.
     Signs {
         /// Names of its four channels.
         names: [String; 4],
@@ -29,18 +29,19 @@ pub enum Removed {
 const NORM: f64 = 1e-2;
 /// Tolerance of the range of an angle \[turns\].
 const SLACK: f64 = 1e-3;
-/// Largest change to the samples before and after a change by a turn \[turns\].
+/// Largest change between the samples next to a full-turn change \[turns\].
 const LARGEST_STEP: f64 = 0.25;
 
 impl Recording {
-    /// Returns the movement with continuous angles and quaternions.
+    /// Returns the movement with continuous angles and quaternions, and the removed discontinuities.
     ///
-    /// A channel is an angle if all its values are within one turn and it changes by almost a turn between
-    /// two samples. One turn is from -pi to pi or from 0 to 2 pi, or the same in degrees.
+    /// A channel is an angle if all its values are within one turn and it changes by almost a full turn
+    /// between two samples. The range of one turn is -pi to pi or 0 to 2 pi, or the equivalent range in
+    /// degrees.
     ///
     /// Four channels are a quaternion if all samples have the norm 1 and the channels have matching names.
-    /// They are named `qx`, `qy`, `qz` and `qw`, in any order and with other prefixes or suffixes such as
-    /// `orientation.x`, or have consecutive numbers such as `q0` to `q3`.
+    /// The names are `qx`, `qy`, `qz` and `qw`, in any order and with other prefixes or suffixes such as
+    /// `orientation.x`. Consecutive numbers such as `q0` to `q3` also match.
     #[must_use]
     pub fn continuous(mut self) -> (Self, Vec<Removed>) {
         let mut removed = Vec::new();
@@ -149,7 +150,8 @@ impl Recording {
         found
     }
 
-    /// Gives each sample of a quaternion the sign of the previous one. Returns the number of sign changes.
+    /// Aligns the sign of each sample of a quaternion with the previous sample. Returns the number of sign
+    /// changes.
     fn align(&mut self, channels: &[usize; 4]) -> usize {
         let (mut sign, mut count) = (1.0, 0);
         for row in 1..self.samples() {
@@ -165,7 +167,7 @@ impl Recording {
         count
     }
 
-    /// Adds turns to an angle so that it is continuous. Returns the number of changes by a turn.
+    /// Adds full turns to an angle to make it continuous. Returns the number of full-turn changes.
     fn unwrap(&mut self, channel: usize, turn: f64) -> usize {
         let column = self.values.column(channel);
         let (lowest, highest) = (column.min() / turn, column.max() / turn);

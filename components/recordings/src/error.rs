@@ -4,14 +4,14 @@ use std::fmt;
 
 use crate::messages::LogError;
 
-/// A position in a file of recordings.
+/// Position of an error in a recording file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Place {
     /// Path of the file.
     pub path: String,
-    /// Line, counted from 1. Unknown in a JSON file after parsing.
+    /// Line, counted from 1. `None` for JSON files that were parsed as a whole.
     pub line: Option<usize>,
-    /// Sample or recording of a JSON file, counted from 1, with the noun: `("sample", 3)`.
+    /// Sample or recording in a JSON file: a noun and a number counted from 1, such as `("sample", 3)`.
     pub item: Option<(&'static str, usize)>,
     /// Column, counted from 1, with its name, which may be empty.
     pub column: Option<(usize, String)>,
@@ -85,7 +85,7 @@ pub enum RecordingError {
         /// Suggested fix.
         advice: Option<&'static str>,
     },
-    /// There is neither a time column nor a rate.
+    /// The recording has neither a time column nor a rate.
     #[error(
         "{path}: found no column named {} or {}, and no rate; set the samples per second by `--rate HZ` or the key `rate`",
         crate::names::TIME.join(", "),
@@ -110,7 +110,7 @@ pub enum RecordingError {
     Count {
         /// Path of the file or folder.
         path: String,
-        /// Number of recordings in it.
+        /// Number of recordings found.
         found: usize,
         /// Description of the expected number.
         expected: &'static str,

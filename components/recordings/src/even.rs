@@ -4,19 +4,20 @@ use nalgebra::DMatrix;
 
 use crate::{Recording, RecordingError};
 
-/// Sample rate at which a recording is filtered, as a multiple of the cutoff: fine enough for the kernel.
+/// Sample rate for filtering, as a multiple of the cutoff. High enough to resolve the kernel.
 const OVERSAMPLING: f64 = 20.0;
 
-/// Minimum number of cutoff periods in a recording. A slower filter would average over far more than the
+/// Minimum duration of a recording in cutoff periods. A slower filter would average over far more than the
 /// recording.
 const FEWEST_PERIODS: f64 = 0.1;
 
-/// Maximum deviation of a time from even spacing, in steps, for samples to count as evenly spaced.
+/// Maximum deviation from even spacing at which samples count as evenly spaced, in sample steps.
 const UNEVENNESS: f64 = 0.01;
 
 impl Recording {
-    /// Returns the same number of evenly spaced samples, samples x channels. Samples whose times are even to
-    /// 1 % of a step are returned unchanged; others are interpolated as by [`evenly`](Self::evenly).
+    /// Returns the same number of evenly spaced samples (samples x channels). If all times are even to 1 % of
+    /// a step, the values are returned unchanged. Otherwise they are interpolated as by
+    /// [`evenly`](Self::evenly).
     pub fn evenly_spaced(&self) -> DMatrix<f64> {
         let step = self.duration() / (self.samples() - 1) as f64;
         let is_even = self
@@ -37,7 +38,8 @@ impl Recording {
     /// change.
     ///
     /// # Errors
-    /// There are fewer than two samples, or the cutoff is not positive.
+    /// There are fewer than two samples, the cutoff is not positive, or its period is over ten times the
+    /// duration.
     pub fn evenly(&self, samples: usize, cutoff: Option<f64>) -> Result<DMatrix<f64>, RecordingError> {
         if samples < 2 {
             return Err(RecordingError::TooShort { found: samples, expected: 2 });
@@ -73,7 +75,7 @@ impl Recording {
         Ok(filtered)
     }
 
-    /// Returns the recording between its samples, as [`evenly`](Self::evenly) interpolates it.
+    /// Returns a continuous curve through the samples, with the interpolation of [`evenly`](Self::evenly).
     pub fn interpolation(&self) -> Interpolation {
         Interpolation { times: self.times.clone(), values: self.values.clone(), slopes: self.slopes() }
     }
@@ -113,7 +115,7 @@ impl Recording {
     }
 }
 
-/// A recording between its samples: a cubic through every sample with continuous velocity.
+/// A continuous curve through a recording: a piecewise cubic through every sample with continuous velocity.
 ///
 /// ```
 /// use motorium_recordings::{Selection, read_text};
@@ -133,12 +135,12 @@ pub struct Interpolation {
 }
 
 impl Interpolation {
-    /// Number of channels.
+    /// Returns the number of channels.
     pub fn channels(&self) -> usize {
         self.values.ncols()
     }
 
-    /// Time from the first sample to the last, s.
+    /// Returns the time from the first sample to the last, s.
     pub fn duration(&self) -> f64 {
         self.times[self.times.len() - 1] - self.times[0]
     }

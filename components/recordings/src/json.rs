@@ -123,8 +123,8 @@ fn samples(path: &str, items: &[Item], selection: &Selection) -> Result<Recordin
     Table { columns, rows }.recording(path)
 }
 
-/// Returns the named numbers of a sample: of a list, an object, or an object under `value` as topics are
-/// printed.
+/// Returns the names and numbers of a sample. The sample is a list, an object, or an object under `value` as
+/// `motorium topic echo` prints it.
 fn sample(place: &Place, value: &Value, selection: &Selection) -> Result<Vec<(String, f64)>, RecordingError> {
     if let Value::Array(numbers) = value {
         let numbers = numbers.iter().enumerate();

@@ -127,37 +127,38 @@ impl Recording {
         Ok(Self { id: String::new(), label: None, names, times, values })
     }
 
-    /// Name of the recording: its `id` or `demo`, otherwise the file name without folder and extension.
+    /// Returns the name of the recording: its `id` or `demo`, otherwise the file name without folder and
+    /// extension.
     pub fn id(&self) -> &str {
         &self.id
     }
 
-    /// Kind of movement, if the file specifies it.
+    /// Returns the kind of movement, such as a letter of an alphabet; `None` if the file does not specify it.
     pub fn label(&self) -> Option<&str> {
         self.label.as_deref()
     }
 
-    /// Names of the channels.
+    /// Returns the names of the channels.
     pub fn names(&self) -> &[String] {
         &self.names
     }
 
-    /// Number of samples.
+    /// Returns the number of samples.
     pub fn samples(&self) -> usize {
         self.times.len()
     }
 
-    /// Times of the samples, s.
+    /// Returns the times of the samples, s.
     pub fn times(&self) -> &[f64] {
         &self.times
     }
 
-    /// Values, samples x channels.
+    /// Returns the values (samples x channels).
     pub fn values(&self) -> &DMatrix<f64> {
         &self.values
     }
 
-    /// Time from the first sample to the last, s.
+    /// Returns the time from the first sample to the last, s.
     pub fn duration(&self) -> f64 {
         self.times[self.times.len() - 1] - self.times[0]
     }

@@ -7,7 +7,7 @@ use crate::messages::{Channel, LogError, MessageLog, Value, metadata};
 use crate::names::chosen;
 use crate::{Recording, Selection};
 
-/// Representation of measured joints in a message.
+/// Representation of measured joint positions in a message.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Joints {
     /// Arrays of names and numbers: `sensor_msgs/msg/JointState`, `motorium.JointState`.
@@ -46,8 +46,8 @@ pub(crate) fn movement(
     Recording::new(names, times, values)
 }
 
-/// Returns the named numbers of a message in a field: an array of numbers, a table of numbers, or the number
-/// with this name from each table of an array.
+/// Returns the names and numbers in a field of a message. The field is an array of numbers, a table of
+/// numbers, or a number in each table of an array.
 fn numbers(message: &Value, field: &str) -> Option<Vec<(String, f64)>> {
     if let Some(value) = message.get(field) {
         if let Value::Record(fields) = value {
@@ -80,8 +80,8 @@ fn numbers(message: &Value, field: &str) -> Option<Vec<(String, f64)>> {
     })
 }
 
-/// Returns the only channel whose first message has numbers in the field. If there are several, returns the
-/// only one with joint states.
+/// Returns the index of the only channel whose first message has numbers in the field. If there are several,
+/// returns the only one with joint states.
 fn usual<B: AsRef<[u8]>>(log: &MessageLog<B>, field: &str) -> Result<usize, LogError> {
     let mut is_seen = vec![false; log.channels().len()];
     let mut found = Vec::new();

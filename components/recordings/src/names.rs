@@ -126,8 +126,8 @@ impl Columns {
     }
 }
 
-/// Returns the entries of a field of an exported topic, such as `position[0]` or `position[elbow]`; by
-/// default of the position. An entry with a name is called by that name.
+/// Returns the entries of a field of an exported topic, such as `position[0]` or `position[elbow]`. The
+/// default field is the position. Named entries get their name.
 fn entries_of_field(all: &[(usize, &String)], field: Option<&str>) -> Option<Vec<(usize, String)>> {
     let field = field.unwrap_or("position");
     let entries = all.iter().filter_map(|(index, name)| {

@@ -8,21 +8,23 @@ use crate::error::{Place, RecordingError};
 use crate::movement::movement;
 use crate::{Recording, Selection, csv, json};
 
-/// Maximum size of a file, bytes: an hour of forty joints at 1 kHz as text.
+/// Maximum size of a file, bytes: about an hour of forty joints at 1 kHz as text.
 const LONGEST: u64 = 2 * 1024 * 1024 * 1024;
 
 /// Extension of MCAP files.
 const MCAP: &str = "mcap";
 
-/// Reads the single recording of a file.
+/// Reads a file that contains a single recording.
 ///
 /// # Errors
-/// [`RecordingError`] names the file, the line and the column. A file with several recordings is an error.
+/// Returns a [`RecordingError`] with the file, the line and the column. A file with several recordings is an
+/// error.
 pub fn read(path: &Path, selection: &Selection) -> Result<Recording, RecordingError> {
     single(&path.display().to_string(), read_file(path, selection)?)
 }
 
-/// Reads the single recording of a text from a file called `name`.
+/// Parses `text` that contains a single recording. `name` is the file name, whose extension selects the
+/// format.
 ///
 /// # Errors
 /// Same as [`read`].
@@ -30,11 +32,11 @@ pub fn read_text(name: &str, text: &str, selection: &Selection) -> Result<Record
     single(name, parse(name, text, selection)?)
 }
 
-/// Reads all recordings of a file, or of the files in a folder in the order of their names.
+/// Reads all recordings of a file, or of the files in a folder in alphabetical order.
 ///
 /// # Errors
-/// [`RecordingError`] names the file, the line and the column. A file or folder without recordings is an
-/// error.
+/// Returns a [`RecordingError`] with the file, the line and the column. A file or folder without recordings
+/// is an error.
 pub fn read_all(path: &Path, selection: &Selection) -> Result<Vec<Recording>, RecordingError> {
     let system = |source| RecordingError::System { path: path.display().to_string(), source };
     let mut files = vec![path.to_path_buf()];
@@ -89,8 +91,8 @@ fn read_file(path: &Path, selection: &Selection) -> Result<Vec<Recording>, Recor
         let line = 1 + valid.iter().filter(|byte| **byte == b'\n').count();
         RecordingError::Malformed {
             place: Box::new(Place::line(&name, line)),
-            found: "bytes that are no UTF-8".into(),
-            expected: "text in UTF-8".into(),
+            found: "invalid bytes".into(),
+            expected: "UTF-8 text".into(),
             advice: None,
         }
     })?;

@@ -25,13 +25,15 @@ pub struct RobotLimb {
 /// Options of [`retarget`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RetargetOptions {
-    /// Iterations per sample. Default: 60.
+    /// Number of iterations per sample. Default: 60.
     pub iterations: usize,
     /// Number of initial guesses for the first sample. Default: 32.
     pub seeds: usize,
-    /// Weight of the distance from the previous sample, 1/rad^2. Default: 1e-3.
+    /// Weight of the joint motion since the previous sample, relative to the squared direction error,
+    /// 1/rad^2. Default: 1e-3.
     pub posture: f64,
-    /// Minimum step of a joint between two samples that counts as a change of branch, rad or m. Default: 0.5.
+    /// Minimum step of a joint between two samples that is reported as a change of branch, rad or m. Default:
+    /// 0.5.
     pub branch: f64,
 }
 
@@ -41,10 +43,10 @@ impl Default for RetargetOptions {
     }
 }
 
-/// A joint step without a corresponding motion of the limbs.
+/// A joint step that the motion of the limbs does not explain.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BranchChange {
-    /// Index of the sample, from 0.
+    /// Index of the sample, counted from 0.
     pub sample: usize,
     /// Name of the joint.
     pub joint: String,
@@ -55,9 +57,9 @@ pub struct BranchChange {
 /// The result of [`retarget`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Retargeted {
-    /// Positions of the joints that move the limbs, rad or m.
+    /// Positions of the joints that move the limbs, rad or m; one channel per joint.
     pub positions: Recording,
-    /// Median angle between each limb and the human limb, rad, in the order of the limbs.
+    /// Median angle between each robot limb and its human limb, rad, in the order of the limbs.
     pub medians: Vec<f64>,
     /// Changes of branch.
     pub branches: Vec<BranchChange>,
@@ -202,10 +204,11 @@ fn changes_branch(step: f64, turned: f64, least: f64) -> bool {
     step.abs() > least.max(3.0 * turned)
 }
 
-/// Finds joint positions of a robot whose limbs point in the directions of a recording.
+/// Finds joint positions at which a robot's limbs point in the recorded directions.
 ///
 /// `directions` has the channels `LIMB_x`, `LIMB_y` and `LIMB_z` of each limb, in the world frame of the
-/// robot. `home` is the configuration (`nq` numbers) kept by joints without an effect, and by the base.
+/// robot. `home` is the configuration (`nq` numbers). The base and joints that do not move a limb stay at
+/// `home`.
 ///
 /// # Errors
 /// A channel is missing, or `home` has the wrong length.

@@ -1,21 +1,21 @@
-//! The part of a file to read.
+//! Selection of the channels to read from a file.
 
 use crate::error::RecordingError;
 use crate::time::Clock;
 
-/// The part of a file to read; [`Default`] selects all position channels.
+/// A selection of the channels to read from a file. [`Default`] selects all position channels.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Selection {
-    /// Field whose numbers are the channels, such as `velocity`. For a state buffer printed as JSON it is the
-    /// field of that name, for a table the columns `NAME_velocity`. Default: `position` if present, otherwise
-    /// all numbers.
+    /// Field whose numbers are the channels, such as `velocity`. In a state buffer printed as JSON, it is the
+    /// field with this name. In a table, it selects the columns `NAME_velocity`. Default: `position` if
+    /// present, otherwise all numbers.
     pub field: Option<String>,
     /// Names of the channels to keep, in this order; a name that ends in `*` matches a prefix. Default: all.
     pub channels: Vec<String>,
-    /// Channel of an MCAP file, such as `/joint_states`. Default: the only one with numbers in the field or,
-    /// of several, the only one with joint states.
+    /// Name of an MCAP channel, such as `/joint_states`. Default: the only channel with numbers in the field
+    /// or, if there are several, the only one with joint states.
     pub topic: Option<String>,
-    /// Samples per second of recordings without times. Default: none, and such recordings are rejected.
+    /// Samples per second of recordings without times. Default: none; recordings without times are rejected.
     pub rate: Option<f64>,
 }
 

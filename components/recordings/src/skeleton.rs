@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, Rotation3, Unit, UnitQuaternion, Vector3};
 
 use crate::{Recording, RecordingError};
 
-/// A motion of a joint by one value of a sample.
+/// A motion of a joint, driven by one value of a sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Motion {
     /// Translation along an axis, in the unit of length of the file.
@@ -23,7 +23,7 @@ pub(crate) struct SkeletonJoint {
     pub(crate) before: Vector3<f64>,
     /// Offset added to the position, rotated with this joint.
     pub(crate) after: Vector3<f64>,
-    /// Axes in which the joint rotates.
+    /// Orientation of the joint's rotation axes.
     pub(crate) axes: UnitQuaternion<f64>,
     /// Motions, in the order in which the rotations are multiplied from the left, each with its channel.
     pub(crate) motions: Vec<(Motion, usize)>,
@@ -31,8 +31,8 @@ pub(crate) struct SkeletonJoint {
 
 /// A skeleton: a tree of joints, and the channels that move them.
 ///
-/// Channels are named `JOINT_rx`, `JOINT_ty` and so on: rotations in degrees, translations in the file's unit
-/// of length.
+/// Channels are named `JOINT_rx`, `JOINT_ty` and so on. Rotations are in degrees, translations in the file's
+/// unit of length.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Skeleton {
     pub(crate) joints: Vec<SkeletonJoint>,
@@ -50,24 +50,24 @@ pub struct Limb {
     pub to: String,
 }
 
-/// Frame in which directions of limbs are expressed.
+/// Frame of the trunk, in which the directions of limbs are expressed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Trunk {
     /// Joint that defines the frame, such as `thorax`.
     pub joint: String,
-    /// Forward and upward axes of the skeleton in its rest pose, such as `z` and `y`; the third points left.
+    /// Forward axis of the skeleton in its rest pose, such as `z`.
     pub forward: Vector3<f64>,
-    /// See `forward`.
+    /// Upward axis of the skeleton in its rest pose, such as `y`. The third axis points left.
     pub up: Vector3<f64>,
 }
 
 impl Skeleton {
-    /// Names of the joints.
+    /// Returns the names of the joints.
     pub fn joint_names(&self) -> impl Iterator<Item = &str> {
         self.joints.iter().map(|joint| joint.name.as_str())
     }
 
-    /// Names of the channels, in their order.
+    /// Returns the names of the channels, in their order.
     pub fn channels(&self) -> &[String] {
         &self.channels
     }
@@ -101,8 +101,8 @@ impl Skeleton {
         }
     }
 
-    /// Computes unit directions of limbs in the frame of the trunk (x forward, y left, z up), as channels
-    /// `LIMB_x`, `LIMB_y` and `LIMB_z`. Skeleton channels missing from the recording are 0.
+    /// Computes unit directions of limbs in the frame of the trunk (x forward, y left, z up). The channels
+    /// are `LIMB_x`, `LIMB_y` and `LIMB_z`. Skeleton channels missing from the recording are 0.
     ///
     /// # Errors
     /// A joint does not exist, a limb has no length, or the axes of the trunk are parallel.

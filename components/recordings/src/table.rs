@@ -7,7 +7,7 @@ use crate::error::{Place, RecordingError};
 use crate::names::Columns;
 use crate::time::timed;
 
-/// Samples with their positions in the file, the number in their time column if present, and their channels.
+/// Samples of a file: position in the file, number in the time column if present, and channels.
 pub(crate) struct Table {
     pub(crate) columns: Columns,
     pub(crate) rows: Vec<(Place, Option<f64>, Vec<f64>)>,

@@ -214,7 +214,7 @@ fn truncated_or_non_utf8_text_is_rejected_with_its_line() {
     let path = folder.path().join("x.csv");
     std::fs::write(&path, b"t,a\n0,1\n1,\xff\n").unwrap();
     let error = read(&path, &all()).unwrap_err().to_string();
-    assert!(error.ends_with("line 3: found bytes that are no UTF-8, expected text in UTF-8"), "{error}");
+    assert!(error.ends_with("line 3: found invalid bytes, expected UTF-8 text"), "{error}");
 }
 
 #[test]

@@ -43,7 +43,7 @@ impl Random {
     }
 }
 
-/// The domain of a run, joined as a stock program.
+/// Returns the domain of a run, joined as a stock program.
 fn join(run: &str) -> Result<Node<Stock>, Box<dyn Error>> {
     let domain = RunFolder::find(run).ok_or("no such run")?.domain()?;
     let mut config = iceoryx2::config::Config::default();
@@ -64,7 +64,7 @@ fn publisher(node: &Node<Stock>) -> Result<Publisher<Stock, ActionChunk, ()>, Bo
     Ok(service.publish_subscribe::<ActionChunk>().open()?.publisher_builder().create()?)
 }
 
-/// The chunk for an observation.
+/// Returns the chunk for an observation.
 fn chunk(observed: u64, sequence: u64, jump: f64) -> ActionChunk {
     let mut chunk = ActionChunk::default();
     (chunk.time, chunk.period, chunk.sequence) = (observed, PERIOD, sequence);

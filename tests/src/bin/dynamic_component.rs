@@ -18,7 +18,7 @@ struct Scaler {
     resets: u64,
 }
 
-/// The layout of the type that the configuration names.
+/// Returns the layout of the type that the configuration names.
 fn layout(config: &Value) -> Result<TypeLayout, ConfigError> {
     let name = config["type"].as_str().unwrap_or_default();
     let found = built_in().into_iter().find(|layout| layout.type_name == name);

@@ -32,7 +32,7 @@ const LONGEST: TimeSpan = TimeSpan { ns: 1_000_000_000 };
 pub(crate) struct Check {
     #[command(flatten)]
     graph: GraphArgs,
-    /// Draw the use of the cores over one hyperperiod [default: text]
+    /// Draw the schedule of the cores over one hyperperiod [default: text]
     #[arg(long, value_enum, value_name = "FORMAT")]
     timeline: Option<Format>,
     /// Longest part of the hyperperiod to draw [default: 1 s]
@@ -42,7 +42,7 @@ pub(crate) struct Check {
     #[arg(long, short, requires = "timeline")]
     output: Option<PathBuf>,
     /// Print the checked plan with its response times and latencies, or the errors, as JSON; with --timeline
-    /// or --span the timeline, too
+    /// or --span, also the timeline
     #[arg(long)]
     json: bool,
 }

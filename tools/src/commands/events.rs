@@ -16,8 +16,8 @@ use crate::style;
 /// Show the log of events of a run: starts, resets, failures, restarts, stops, misses, refusals, safe states,
 /// printed lines.
 ///
-/// The log has a fixed size: it keeps the newest 128 of each severity, and of printed lines. A finished run
-/// has no log; the log of a crashed run is shown by its id.
+/// The log has a fixed size: it keeps the newest 128 events of each severity, and the newest 128 printed
+/// lines. A finished run has no log. To show the log of a crashed run, name its id.
 ///
 /// Example: motorium events --follow --severity warning
 #[derive(Debug, clap::Args)]
@@ -25,25 +25,25 @@ pub(crate) struct Events {
     /// Run to show: its id, a prefix of the id, or the name of its graph [default: the newest]
     #[arg(value_name = "RUN", add = crate::complete::runs())]
     name: Option<String>,
-    /// The same, as in other commands
+    /// Same as RUN, by the option of other commands
     #[arg(long = "run", value_name = "ID", conflicts_with = "name", add = crate::complete::runs())]
     run: Option<String>,
-    /// Follow new events until the run is over
+    /// Print new events until the run has ended
     #[arg(long, short)]
     follow: bool,
-    /// Show the newest N events of the log [default: all]
+    /// Show only the newest N events of the log [default: all]
     #[arg(long, short = 'n', value_name = "N")]
     lines: Option<usize>,
     /// Show events of at least this severity
     #[arg(long, short, value_enum, default_value_t = Severity::Information, hide_default_value = true)]
     severity: Severity,
-    /// Show events of this component
+    /// Show only events of this component
     #[arg(long, short, value_name = "NAME", add = crate::complete::components())]
     component: Option<String>,
-    /// Show events of this kind, such as `restarted`; may be repeated
+    /// Show only events of this kind, such as `restarted`; may be repeated
     #[arg(long, short, value_name = "KIND", value_parser = kind)]
     kind: Vec<EventKind>,
-    /// Print one JSON object a line
+    /// Print one JSON object per line
     #[arg(long)]
     json: bool,
 }
@@ -183,7 +183,7 @@ impl<'a> Follower<'a> {
         Self { run, reader: EventReader::default(), checked: Instant::now(), is_over: false }
     }
 
-    /// Number of events that were overwritten before they were read.
+    /// Returns the number of events that were overwritten before they were read.
     pub(super) fn lost(&self) -> u64 {
         self.reader.lost()
     }

@@ -23,7 +23,7 @@ pub(super) fn text(name: &str) -> Option<&'static str> {
     EXAMPLES.iter().find(|example| example.name == name).map(|example| example.text)
 }
 
-/// Their names, as values of an option.
+/// Returns the names of the examples, as values of an option.
 pub(super) fn names() -> PossibleValuesParser {
     PossibleValuesParser::new(EXAMPLES.iter().map(|example| example.name))
 }

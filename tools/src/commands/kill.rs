@@ -19,8 +19,8 @@ const END_WITHIN: Duration = Duration::from_secs(5);
 
 /// Kill, end or stop the process of one component of a run.
 ///
-/// It tests the reaction of the run: `on_failure` and `restart` decide whether the component is restarted or
-/// the graph stops. `motorium events` lists the consequences.
+/// Use this command to test the reaction of the run: `on_failure` and `restart` decide whether the component
+/// is restarted or the graph stops. `motorium events` lists the consequences.
 ///
 /// Example: motorium kill panda-reach controller
 #[derive(Debug, clap::Args)]
@@ -31,7 +31,7 @@ pub(crate) struct Kill {
     /// The component
     #[arg(value_name = "COMPONENT", add = crate::complete::components())]
     component: String,
-    /// Signal to send: SIGKILL, SIGTERM, upon which a component ends in good order, SIGSTOP or SIGCONT
+    /// Signal to send: SIGKILL, SIGTERM (the component ends in good order), SIGSTOP or SIGCONT
     #[arg(long, value_enum, default_value_t = Choice::Kill)]
     signal: Choice,
     /// Print JSON
@@ -77,7 +77,7 @@ impl Kill {
         if matches!(self.signal, Choice::Kill | Choice::Terminate) {
             anyhow::ensure!(
                 process.wait(Some(END_WITHIN)),
-                "process {pid} of `{name}` does not end within {} s; `--signal kill` leaves it no choice",
+                "process {pid} of `{name}` did not end within {} s; use `--signal kill`",
                 END_WITHIN.as_secs()
             );
         }

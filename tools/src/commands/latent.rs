@@ -127,7 +127,7 @@ struct Train {
     json: bool,
 }
 
-/// The chart of an objective: the smallest value so far, by evaluation.
+/// Returns the chart of an objective: the smallest value so far, by evaluation.
 fn objective_chart(values: Vec<(String, f64)>) -> Chart {
     let mut series: Vec<Series> = vec![];
     for (name, value) in values {
@@ -240,7 +240,10 @@ impl Transfer {
     fn run(self) -> anyhow::Result<ExitCode> {
         let mut model = load(&self.file)?;
         let folder = self.data.or_else(|| model.source().map(PathBuf::from)).with_context(|| {
-            format!("{} names no folder of poses\nhelp: pass --data FOLDER", self.file.display())
+            format!(
+                "the model {} does not name a folder of poses\nhelp: pass --data FOLDER",
+                self.file.display()
+            )
         })?;
         let robot = poses(&folder, &self.robot)?;
         let start = std::time::Instant::now();

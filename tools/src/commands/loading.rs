@@ -20,7 +20,7 @@ const STDIN: &str = "-";
 /// Example identical to the default graph.
 const DEFAULT_EXAMPLE: &str = "panda-reach";
 
-/// Parser for the graph of a command that reads it more than once: standard input is refused.
+/// Returns the parser for the graph of a command that reads it more than once: standard input is refused.
 pub(crate) fn graph_file() -> impl TypedValueParser<Value = PathBuf> {
     PathBufValueParser::new().try_map(|path| {
         let once = "this command starts the graph more than once, and standard input is read once: write it to a file";
@@ -28,7 +28,7 @@ pub(crate) fn graph_file() -> impl TypedValueParser<Value = PathBuf> {
     })
 }
 
-/// Options that name a graph and override its values.
+/// Options that select a graph and override its values.
 #[derive(Debug, Clone, clap::Args)]
 pub(crate) struct GraphArgs {
     /// The graph file, `-` for standard input [default: graphs/panda-reach.toml]
@@ -53,8 +53,8 @@ impl Default for GraphArgs {
 }
 
 impl GraphArgs {
-    /// Name and text of the example to load instead of a file: the named example, or the default graph if it
-    /// is not in the current folder.
+    /// Returns the name and text of the example to load instead of a file: the named example, or the default
+    /// graph if it is not in the current folder.
     fn embedded(&self) -> Option<(&str, &'static str)> {
         if let Some(name) = &self.example {
             return Some((name, examples::text(name)?));
@@ -77,7 +77,7 @@ impl GraphArgs {
         Ok(checked)
     }
 
-    /// Like [`load`](Self::load), for a command whose answer has the warnings.
+    /// Like [`load`](Self::load), without printing warnings, for a command whose answer contains them.
     pub(crate) fn load_silently(&self, registry: &Registry) -> Result<Checked, ExitCode> {
         let colour = std::io::stderr().is_terminal();
         let machine = Machine::detect();

@@ -20,9 +20,9 @@ const REST: f64 = 0.5;
 
 /// Move a simulated robot exactly along a recorded movement of its joints.
 ///
-/// Reads CSV, JSON lines and MCAP, of motorium and of other programs (JSON, ROS 2 CDR, protobuf). Columns
-/// belong to the joints of their names; joints without a column hold their home position. Positions are in
-/// rad or m.
+/// Reads CSV, JSON lines and MCAP files of motorium and other programs (JSON, ROS 2 CDR, protobuf). Columns
+/// are assigned to joints by name; joints without a column hold their home position. Positions are in rad or
+/// m.
 ///
 /// Example: motorium play demo.csv --robot panda --record out/demo.mcap
 #[derive(Debug, clap::Args)]
@@ -38,7 +38,7 @@ pub(crate) struct Play {
     package_path: Vec<PathBuf>,
     #[command(flatten)]
     samples: SampleArgs,
-    /// Factor of the speed
+    /// Speed factor
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
     speed: f64,
     /// The clock, `realtime` or `lockstep` [default: lockstep]
@@ -96,7 +96,7 @@ impl Play {
         let count = found.len();
         if found.iter().all(Option::is_none) && count == model.joint_count() {
             errln!(
-                "{} no column is named after a joint: they are taken in order, {known}",
+                "{} no column is named after a joint: the columns are assigned to the joints in order, {known}",
                 style::warning("note:")
             );
             return Ok((0..count).collect());
@@ -121,7 +121,7 @@ impl Play {
         Ok(joints)
     }
 
-    /// Initial positions of all joints: the first sample, or home for joints without a column.
+    /// Returns the initial positions of all joints: the first sample, or home for joints without a column.
     fn start(&self, recording: &Recording, joints: &[usize], loaded: &Loaded) -> anyhow::Result<Vec<f64>> {
         let model = &loaded.model;
         let mut start = match &loaded.profile {

@@ -16,7 +16,7 @@ use crate::report::decimal;
 /// Maximum file size, bytes.
 const LONGEST: u64 = 256 << 20;
 
-/// Quadratic programs of controllers, recorded in files.
+/// Solve quadratic programs of controllers, recorded in files.
 ///
 /// Example: motorium qp solve problems.json
 #[derive(Debug, clap::Args)]
@@ -50,10 +50,10 @@ struct Solve {
     /// The solver
     #[arg(long, value_enum, default_value_t = SolverName::ActiveSet)]
     solver: SolverName,
-    /// Number of times the problems are solved; with more than one round the first is not timed
+    /// Number of rounds over all problems; if there are several, the first is not timed
     #[arg(long, default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     rounds: u32,
-    /// Print the status and the solution of each problem too
+    /// Also print the status and the solution of each problem
     #[arg(long)]
     each: bool,
     /// Print JSON

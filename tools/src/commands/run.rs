@@ -33,7 +33,7 @@ use crate::{overheads, registry, report, runs, style};
 pub(crate) struct Run {
     #[command(flatten)]
     graph: GraphArgs,
-    /// Name of the run, instead of its graph's; look-ups accept it
+    /// Name of the run, instead of the graph's name; `--run` accepts it
     #[arg(long, value_name = "NAME")]
     name: Option<String>,
     /// Duration of the run, such as `10s` [default: the graph's, or until Ctrl-C]
@@ -42,7 +42,7 @@ pub(crate) struct Run {
     /// The clock, `realtime` or `lockstep` [default: the graph's]
     #[arg(long, value_enum, hide_possible_values = true)]
     clock: Option<Clock>,
-    /// Hosting of the components: in `processes`, `threads`, or `inline`, in one thread; `--core N` names
+    /// Hosting of the components: in `processes`, `threads`, or `inline` in one thread; `--core N` selects
     /// their core in lockstep
     #[arg(long, value_enum, default_value_t, hide_possible_values = true, hide_default_value = true)]
     hosting: HostingChoice,
@@ -52,7 +52,7 @@ pub(crate) struct Run {
     /// Core of the whole run, in lockstep [default: the graph's]
     #[arg(long, hide = true)]
     core: Option<usize>,
-    /// Number of episodes; each begins with a reset of all components in lockstep, without one in real time
+    /// Number of episodes; in lockstep, each starts with a reset of all components
     #[arg(long, value_name = "N")]
     episodes: Option<u64>,
     /// Give each episode a separate seed: the graph's plus the episode number
@@ -64,13 +64,13 @@ pub(crate) struct Run {
     /// Pause simulated time at the start, until `motorium step`
     #[arg(long)]
     paused: bool,
-    /// Expect a figure, such as `controller.goals_missed == 0`; may be repeated; `--no-expect`: nothing
+    /// Condition on a figure of the report, such as `controller.goals_missed == 0`; may be repeated
     #[arg(long, value_name = "FIGURE CONDITION")]
     expect: Vec<Expectation>,
     /// Ignore the expectations of the graph
     #[arg(long, conflicts_with = "expect", hide = true)]
     no_expect: bool,
-    /// Run even if the budgets of the graph cannot hold, alone or together with other live runs
+    /// Run even if the budgets of the graph are not feasible, alone or together with other live runs
     #[arg(long)]
     force: bool,
     /// Record every sample into an MCAP file
@@ -79,13 +79,13 @@ pub(crate) struct Run {
     /// With `--record`: replace the file if it exists
     #[arg(long, requires = "record")]
     overwrite: bool,
-    /// With `--record`: keep the last moments, such as `30s`, and write them only if the run ends badly
+    /// With `--record`: keep only the last moments, such as `30s`, and write them only if the run ends badly
     #[arg(long, value_name = "TIME", requires = "record", allow_hyphen_values = true)]
     record_last: Option<TimeSpan>,
     /// Print the report as JSON on standard output
     #[arg(long)]
     json: bool,
-    /// Serve Prometheus metrics: a port of this machine (`9464`) or an address (`0.0.0.0:9464`)
+    /// Serve Prometheus metrics, on a port of this machine (`9464`) or an address (`0.0.0.0:9464`)
     #[arg(long, value_name = "ADDR")]
     metrics: Option<Address>,
     /// The file of a trace of every step, as `motorium trace` writes it.
@@ -309,7 +309,7 @@ impl Run {
         } else {
             let known: Vec<String> = cores.iter().map(usize::to_string).collect();
             (
-                format!("`--core {core}` names no core of this machine"),
+                format!("`--core {core}` is not a core of this machine"),
                 format!("its cores: {}", known.join(", ")),
             )
         };

@@ -25,7 +25,7 @@ pub(super) struct SampleArgs {
 }
 
 impl SampleArgs {
-    /// The recording in `file` with whole turns removed, which are printed.
+    /// Returns the recording in `file` with whole turns removed, which are printed.
     pub(super) fn read(&self, file: &Path) -> anyhow::Result<Recording> {
         let selection = Selection {
             field: self.field.clone(),

@@ -17,8 +17,8 @@ const ROUND_WITHIN: Duration = Duration::from_secs(10);
 
 /// Step a paused lockstep run, pause it, or continue it.
 ///
-/// A round is a simulated time at which components are due; they step one after the other. `motorium run
-/// --paused` pauses a run at its start, `--hold` later.
+/// A round is a point in simulated time at which components are due; they step one after the other. `motorium
+/// run --paused` pauses a run at its start, `--hold` pauses it later.
 ///
 /// Example: motorium step 10
 #[derive(Debug, clap::Args)]
@@ -88,6 +88,6 @@ fn await_rounds(run: &LivingRun, rounds: u64) -> anyhow::Result<()> {
             (seen, since) = (taken, Instant::now());
         }
         let within = ROUND_WITHIN.as_secs();
-        anyhow::ensure!(since.elapsed() < ROUND_WITHIN, "the run has made no round within {within} s");
+        anyhow::ensure!(since.elapsed() < ROUND_WITHIN, "the run has completed no round within {within} s");
     }
 }

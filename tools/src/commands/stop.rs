@@ -22,9 +22,9 @@ const REACT_WITHIN: Duration = Duration::from_secs(1);
 
 /// End a run in good order, or stop its robot immediately.
 ///
-/// Without `--now` the launcher ends the run, as on Ctrl-C: the actuators enter their safe state first. With
-/// it every actuator enters its safe state at its next step and stays there until `motorium resume`; the run
-/// continues, and its launcher is not needed.
+/// Without `--now`, the launcher ends the run, as on Ctrl-C: the actuators enter their safe state first. With
+/// `--now`, every actuator enters its safe state at its next step and stays there until `motorium resume`.
+/// The run continues, and its launcher is not needed.
 ///
 /// Example: motorium stop --now
 #[derive(Debug, clap::Args)]
@@ -41,8 +41,8 @@ pub(crate) struct Stop {
 
 /// Release the actuators of a run from a stop.
 ///
-/// They leave the safe state as set by `[safety] resume`: by default from the held pose, at limited velocity
-/// and acceleration.
+/// The actuators leave the safe state as set by `[safety] resume`: by default from the held pose, at limited
+/// velocity and acceleration.
 ///
 /// Example: motorium resume
 #[derive(Debug, clap::Args)]
@@ -155,7 +155,7 @@ impl Resume {
 /// Requests the launcher to end the run, and waits for it.
 fn end(run: &LivingRun, json: bool) -> anyhow::Result<ExitCode> {
     let launcher = Watch::new(run.region.header().launcher.load(Relaxed))
-        .context("its launcher has ended; its guard brings the robot to its safe state and ends the rest")?;
+        .context("its launcher has ended; its guard brings the robot to its safe state and ends the remaining processes")?;
     let began = Instant::now();
     launcher.signal(Signal::INT);
     let within = END_WITHIN + Duration::from_nanos(run.plan.settle_ns());

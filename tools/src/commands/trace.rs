@@ -11,8 +11,8 @@ use super::run::{Clock, Run, Traced};
 /// Run a graph and write every step, wake-up, publication and hand-over as Chrome trace events.
 ///
 /// The file opens in Perfetto (https://ui.perfetto.dev) and chrome://tracing: a row for each component, an
-/// arrow from each publication to the step that read it first. Arguments of a step are its release, its
-/// budget and the predicted response. Times are machine times, in lockstep too.
+/// arrow from each publication to the step that read it first. The arguments of a step are its release, its
+/// budget and the predicted response time. Times are wall-clock times, also in lockstep.
 ///
 /// Example: motorium trace graphs/panda-reach.toml --for 2s --output out/trace.json
 #[derive(Debug, clap::Args)]
@@ -25,7 +25,7 @@ pub(crate) struct Trace {
     /// The clock, `realtime` or `lockstep` [default: the graph's]
     #[arg(long, value_enum, hide_possible_values = true)]
     clock: Option<Clock>,
-    /// Run even if the budgets of the graph cannot hold, alone or together with other live runs
+    /// Run even if the budgets of the graph are not feasible, alone or together with other live runs
     #[arg(long)]
     force: bool,
     /// Print the report of the run as JSON on standard output

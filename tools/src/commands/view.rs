@@ -30,7 +30,7 @@ const RATE_HZ: f64 = 60.0;
 /// With a graph, it starts the graph. With a recording, it plays the recording, with playback control in the
 /// page and in Foxglove. Without either, it shows a running graph, and later runs of the same graph. The page
 /// and Foxglove's WebSocket protocol, for Foxglove and Lichtblick, share one port of this machine. Clients
-/// with the token may command, others may only observe.
+/// with the token may send commands; others may only observe.
 ///
 /// Example: motorium view graphs/panda-reach.toml
 #[derive(Debug, clap::Args)]
@@ -48,10 +48,10 @@ pub(crate) struct View {
     #[arg(long, value_name = "HZ", default_value_t = RATE_HZ, value_parser = rate)]
     rate: f64,
     /// Open the page in a headless browser, compare its values with the run, write a screenshot to this file,
-    /// and end
+    /// and exit
     #[arg(long, value_name = "PNG")]
     headless_check: Option<PathBuf>,
-    /// The token for commands [default: random]. Other users of the machine see it in the list of processes
+    /// Token for commands [default: random]; other users of the machine can see it in the process list
     #[arg(long, value_name = "TOKEN")]
     token: Option<String>,
     /// Options for `motorium run`, after `--`, such as `-- --clock lockstep --pace 1`
@@ -73,7 +73,7 @@ fn is_recording(path: &Path) -> bool {
     (read.is_ok() && &head == MAGIC) || path.extension().is_some_and(|extension| extension == "mcap")
 }
 
-/// Path of the viewer's program.
+/// Returns the path of the viewer's program.
 fn program() -> anyhow::Result<PathBuf> {
     let sibling = registry::viewer();
     programs::locate(&sibling).with_context(|| {

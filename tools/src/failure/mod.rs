@@ -73,7 +73,7 @@ impl Kind {
     }
 }
 
-/// True if the command line has `--json`.
+/// `true` if the command line contains `--json`.
 static JSON: OnceLock<bool> = OnceLock::new();
 
 /// Reads from the arguments of the program whether errors are printed as JSON.
@@ -83,7 +83,7 @@ pub(crate) fn arrange(arguments: &[String]) {
 }
 
 impl Failure {
-    /// A failure of a class, with its message.
+    /// Creates a failure of a class, with a message.
     pub(crate) fn new(kind: Kind, error: impl Into<String>) -> Self {
         let error = error.into();
         let (found, expected) = parts(&error);
@@ -108,12 +108,12 @@ impl Failure {
         Self { help: Some(help.to_string()), ..self }
     }
 
-    /// The failure described by an error and its causes.
+    /// Returns the failure described by an error and its causes.
     pub(crate) fn from_error(error: &anyhow::Error) -> Self {
         Self::caused(message(error), error.chain())
     }
 
-    /// The failure of a library error, with its own message.
+    /// Returns the failure of a library error, with its own message.
     pub(crate) fn of_error(error: &(dyn std::error::Error + 'static)) -> Self {
         Self::caused(error.to_string(), anyhow::Chain::new(error))
     }
@@ -134,7 +134,7 @@ impl Failure {
         failure
     }
 
-    /// The failure of a graph that has errors.
+    /// Returns the failure of a graph that has errors.
     pub(crate) fn of_graph(diagnostics: Vec<DiagnosticReport>) -> Self {
         let first = diagnostics.iter().find(|finding| finding.severity == Severity::Error);
         let mut failure = Self::new(Kind::Invalid, first.map_or("", |first| &first.message));
@@ -149,7 +149,7 @@ impl Failure {
         Self { diagnostics, ..failure }
     }
 
-    /// The failure of an invalid command line.
+    /// Returns the failure of an invalid command line.
     fn of_usage(error: &clap::Error) -> Self {
         let words = error.to_string();
         let first = words.lines().next().unwrap_or_default();
@@ -202,7 +202,7 @@ pub(crate) fn usage(error: &clap::Error) -> ExitCode {
     if is_answer { ExitCode::SUCCESS } else { Failure::of_usage(error).print_json() }
 }
 
-/// An error and its causes in one line. A cause whose text is already in the message is not repeated.
+/// Returns an error and its causes in one line. A cause whose text is already in the message is not repeated.
 fn message(error: &anyhow::Error) -> String {
     error.chain().fold(String::new(), |message, cause| {
         let cause = cause.to_string();
@@ -214,7 +214,7 @@ fn message(error: &anyhow::Error) -> String {
     })
 }
 
-/// The values of a message of the form `found A, expected B` or `A is B, expected C`.
+/// Returns the values of a message of the form `found A, expected B` or `A is B, expected C`.
 fn parts(message: &str) -> (Option<String>, Option<String>) {
     let Some((before, after)) = message.split_once("expected ") else { return (None, None) };
     let ends = |text: &str| {

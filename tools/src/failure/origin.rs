@@ -11,7 +11,7 @@ use motorium_robots::{LoadError, MjcfError, ProfileError, UrdfError};
 /// File, position and values of one error in a chain; unknown ones are empty.
 #[derive(Debug, Default, PartialEq)]
 pub(super) struct Origin {
-    /// True for a mistake in an input file.
+    /// `true` for an error in an input file.
     pub invalid: bool,
     pub file: Option<String>,
     pub line: Option<usize>,

@@ -39,7 +39,7 @@ impl Client {
         Ok(Self { stream, asked: Vec::new(), answer: None, end: now + TIMEOUT })
     }
 
-    /// The readiness of the stream that it waits for.
+    /// Returns the readiness of the stream that it waits for.
     pub(super) fn awaits(&self) -> PollFlags {
         if self.answer.is_none() { PollFlags::IN } else { PollFlags::OUT }
     }
@@ -70,7 +70,7 @@ impl Client {
         Ok(Turn::Done)
     }
 
-    /// The request, once it is complete.
+    /// Returns the request, once it is complete.
     fn listen(&mut self) -> io::Result<Request> {
         loop {
             let mut part = [0; 1024];

@@ -29,7 +29,7 @@ impl Exposition {
         Self(registry)
     }
 
-    /// The current values as text.
+    /// Returns the current values as text.
     pub(super) fn text(&self) -> String {
         let mut text = String::new();
         text::encode(&mut text, &self.0).expect("writing to a string does not fail");
@@ -62,14 +62,14 @@ struct View<'a> {
 }
 
 impl<'a> View<'a> {
-    /// One series per component.
+    /// Returns one series per component.
     fn each<T>(&self, value: impl Fn(&'a ComponentSample) -> T) -> impl Iterator<Item = (Labels<'a>, T)> {
         let components: &'a [ComponentPlan] = &self.plan.components;
         let pairs = components.iter().zip(&self.sample.components);
         pairs.map(move |(plan, sample)| (vec![("component", plan.name.as_str())], value(sample)))
     }
 
-    /// One series per component and value of a label.
+    /// Returns one series per component and value of a label.
     fn split<T, const N: usize>(
         &self,
         label: &'static str,

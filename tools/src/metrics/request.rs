@@ -61,7 +61,7 @@ pub(super) fn read(bytes: &[u8]) -> Option<Request> {
     })
 }
 
-/// The head of an answer whose body has this type and length.
+/// Returns the head of an answer whose body has this type and length.
 pub(super) fn head(status: Status, content_type: &str, length: usize) -> String {
     let mut head = format!("HTTP/1.1 {}\r\n", status.line());
     if status == Status::MethodNotAllowed {

@@ -150,7 +150,7 @@ pub(crate) mod fixture {
 
     use crate::runs::LivingRun;
 
-    /// The region of the Panda's graph, empty, in a folder of the test's own.
+    /// Returns the region of the Panda's graph, empty, in a folder of the test's own.
     pub(crate) fn silent_run(folder: &Path) -> LivingRun {
         let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs/panda-reach.toml");
         let text = std::fs::read_to_string(&file).expect("the graph is there");

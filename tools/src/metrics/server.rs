@@ -44,7 +44,7 @@ impl Server {
         Ok(Self { listener, address })
     }
 
-    /// Address of the metrics.
+    /// Returns the address of the metrics.
     pub(crate) fn url(&self) -> String {
         format!("http://{}/metrics", self.address)
     }

@@ -15,7 +15,7 @@ use crate::{gate, style};
 use results::WIDTH;
 pub(crate) use results::{decimal, items, warnings};
 
-/// A table without lines, with two blanks between columns.
+/// Returns a table without lines, with two blanks between columns.
 pub(crate) fn table<const N: usize>(header: [&str; N]) -> Table {
     let mut table = Table::new();
     table
@@ -31,7 +31,7 @@ fn right_from(table: &mut Table, first: usize) {
     }
 }
 
-/// A duration in microseconds, three digits.
+/// Returns a duration in microseconds, three digits.
 pub(crate) fn microseconds(ns: u64) -> String {
     let us = ns as f64 * 1e-3;
     match us {
@@ -73,7 +73,7 @@ fn counters(report: &Report, text: &mut String) {
     }
 }
 
-/// The closing summary of a run.
+/// Returns the closing summary of a run.
 pub(crate) fn summary(report: &Report) -> String {
     let mut text = String::new();
     let how = match &report.exit {
@@ -135,8 +135,8 @@ pub(crate) fn summary(report: &Report) -> String {
     wrapped(&text, WIDTH)
 }
 
-/// The table of components, of at most [`WIDTH`] columns; two tables if the times do not fit next to the
-/// steps.
+/// Returns the table of components, of at most [`WIDTH`] columns; two tables if the times do not fit next to
+/// the steps.
 fn components(report: &Report, realtime: bool) -> String {
     type Cell = fn(&ComponentReport) -> String;
     const STEPS: (&str, Cell) = ("steps", |c| c.steps.to_string());

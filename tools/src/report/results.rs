@@ -21,8 +21,9 @@ const UNITS: [(&str, &str); 9] = [
     ("_m", "m"),
 ];
 
-/// The result of a component as text. Its own figures follow a heading of `heading` columns; each part and
-/// each list of joints begins a line. Counters that are zero and figures without a value are left out.
+/// Returns the result of a component as text. Its own figures follow a heading of `heading` columns; each
+/// part and each list of joints begins a line. Counters that are zero and figures without a value are left
+/// out.
 pub(super) fn lines(heading: usize, result: &Value) -> String {
     let mut text = String::new();
     for group in groups(result) {
@@ -56,7 +57,7 @@ pub(super) fn lines(heading: usize, result: &Value) -> String {
     text
 }
 
-/// The figures of a result with their units, then its parts and lists of joints, one item each.
+/// Returns the figures of a result with their units, then its parts and lists of joints, one item each.
 pub(crate) fn items(result: &Value) -> Vec<String> {
     let items = groups(result).into_iter().flat_map(|group| match group.name.as_str() {
         "" => group.figures,
@@ -73,7 +74,7 @@ struct Group {
     figures: Vec<String>,
 }
 
-/// The figures of a result with their units, part by part.
+/// Returns the figures of a result with their units, part by part.
 fn groups(result: &Value) -> Vec<Group> {
     let mut groups = Vec::new();
     collect("", result, result, &mut groups);
@@ -127,13 +128,13 @@ fn collect(path: &str, value: &Value, whole: &Value, groups: &mut Vec<Group>) {
 /// The key of the names to which lists of as many numbers belong.
 const JOINTS: &str = "joints";
 
-/// The names of joints that a result gives for its lists.
+/// Returns the names of joints that a result gives for its lists.
 fn names_of_joints(values: &serde_json::Map<String, Value>) -> Option<Vec<&str>> {
     let names: Vec<&str> = values.get(JOINTS)?.as_array()?.iter().filter_map(Value::as_str).collect();
     (names.len() == values[JOINTS].as_array()?.len()).then_some(names)
 }
 
-/// A value with its name and unit; `None` for counters that are zero and for missing values.
+/// Returns a value with its name and unit; `None` for counters that are zero and for missing values.
 fn figure(name: &str, value: &Value) -> Option<String> {
     let text = match value {
         Value::Null => return None,
@@ -164,7 +165,7 @@ fn scalar(value: &Value) -> String {
     }
 }
 
-/// A number with four digits; powers of ten only far from one.
+/// Returns a number with four digits; powers of ten only far from one.
 pub(crate) fn decimal(number: f64) -> String {
     let magnitude = number.abs();
     if number == 0.0 {

@@ -83,7 +83,7 @@ impl TryFrom<String> for Reward {
     }
 }
 
-/// A roll-out is impossible with any parameters.
+/// Error that prevents roll-outs with any parameters.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum RolloutError {
     /// A signal ended the run.
@@ -93,7 +93,7 @@ pub(crate) enum RolloutError {
     #[error(transparent)]
     Session(#[from] SessionError),
     /// The program that hosts the components is unknown.
-    #[error("finding this program's own file: {0}")]
+    #[error("the path of this program cannot be determined: {0}")]
     Program(#[from] std::io::Error),
     /// The events of a run cannot be printed.
     #[error("{0}")]
@@ -125,7 +125,7 @@ pub(crate) struct Rollout {
 }
 
 impl Rollout {
-    /// The plan with values of keys. The last expectations are the figures of the reward.
+    /// Returns the plan with the values in `settings`. Its last expectations are the figures of the reward.
     pub(crate) fn plan(&self, settings: &[(&str, f64)], registry: &Registry) -> Result<Plan, GraphError> {
         let mut overrides = self.set.clone();
         let mut set = |path: &str, value: String| overrides.push(Override { path: path.to_owned(), value });
@@ -148,7 +148,7 @@ impl Rollout {
         Ok(plan)
     }
 
-    /// The clock as in a graph file and in options.
+    /// Returns the clock as in a graph file and in options.
     pub(crate) fn clock_name(&self) -> &'static str {
         match self.clock {
             ClockKind::Realtime => "realtime",
@@ -216,7 +216,7 @@ impl Rollout {
         self.judge(&report)
     }
 
-    /// The result of a run: the sum of the rewards if it finished and its expectations are met.
+    /// Returns the result of a run: the sum of the rewards if it finished and its expectations are met.
     fn judge(&self, report: &Report) -> Result<Evaluation, RolloutError> {
         match &report.exit {
             Exit::Interrupted => return Err(RolloutError::Interrupted),
@@ -244,7 +244,7 @@ impl Rollout {
     }
 }
 
-/// The cores that this program may run on.
+/// Returns the cores that this program may run on.
 pub fn allowed_cores(machine: &Machine) -> Vec<usize> {
     let online = machine.cores();
     let allowed = rustix::thread::sched_getaffinity(None);

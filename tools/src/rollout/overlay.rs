@@ -25,15 +25,16 @@ pub(crate) enum OverlayError {
     Toml(#[from] toml::ser::Error),
 }
 
-/// The keys at the top of a graph file.
+/// Returns the keys at the top of a graph file.
 fn top_keys(registry: &Registry) -> Vec<String> {
     let schema = graph::schema(registry);
     let properties = schema.get("properties").and_then(Json::as_object);
     properties.map(|properties| properties.keys().cloned().collect()).unwrap_or_default()
 }
 
-/// The text of an overlay that gives keys of a graph their values. Keys are written as in `--set`. An overlay
-/// replaces whole lists: for a key in a list of a component's configuration, the whole list is written.
+/// Returns the text of an overlay that gives keys of a graph their values. Keys are written as in `--set`. An
+/// overlay replaces whole lists: for a key in a list of a component's configuration, the whole list is
+/// written.
 pub(crate) fn overlay(
     plan: &Plan,
     registry: &Registry,
@@ -74,7 +75,7 @@ pub(crate) fn overlay(
     Ok(toml::to_string(&table)?)
 }
 
-/// The value at a path of keys and indices.
+/// Returns the value at a path of keys and indices.
 fn entry<'v>(value: &'v mut Json, path: &[String]) -> Option<&'v mut Json> {
     path.iter().try_fold(value, |value, step| match value {
         Json::Array(list) => list.get_mut(step.parse::<usize>().ok()?),

@@ -22,7 +22,7 @@ impl SafeStates {
         }
     }
 
-    /// One sentence for each actuator that did not follow its commands when the run ended.
+    /// Returns one sentence for each actuator that did not follow its commands when the run ended.
     pub(super) fn at_the_end(&self) -> impl Iterator<Item = String> {
         let sentence = |(component, cause)| format!("`{component}` ended in its safe state: {cause}");
         self.0.iter().map(sentence)

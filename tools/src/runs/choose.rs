@@ -17,7 +17,7 @@ pub(super) enum ChooseError {
     NoneRuns,
     #[error("several graphs are running; choose one with `--run ID`:{}", listed(.0))]
     SeveralRun(Vec<Candidate>),
-    #[error("`{wanted}` could be any of these runs; write more of its id:{}", listed(.candidates))]
+    #[error("`{wanted}` matches several runs; write more of the id:{}", listed(.candidates))]
     Ambiguous { wanted: String, candidates: Vec<Candidate> },
     #[error("no run is called `{wanted}`; {advice}")]
     Unknown { wanted: String, advice: String },

@@ -5,7 +5,7 @@ use motorium::region::{EventKind, EventSeverity};
 
 use crate::style;
 
-/// An event as a line of text; `None` for an event that is only logged.
+/// Returns an event as a line of text; `None` for an event that is only logged.
 pub(crate) fn event_line(event: &Event<'_>) -> Option<String> {
     if event.is_logged_only() {
         return None;

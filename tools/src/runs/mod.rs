@@ -16,8 +16,8 @@ pub(crate) use events::event_line;
 /// Names a run on the command line.
 #[derive(Debug, Clone, Default, clap::Args)]
 pub(crate) struct RunArg {
-    /// The run: its id, a prefix of the id, or the name of its graph [default: the newest run, or the only
-    /// one for commands that change it]
+    /// The run: its id, a prefix of the id, or the name of its graph [default: the newest run; for commands
+    /// that change a run, the only one]
     #[arg(long = "run", value_name = "ID", add = crate::complete::runs())]
     run: Option<String>,
 }
@@ -57,8 +57,8 @@ fn opened(folder: RunFolder) -> anyhow::Result<LivingRun> {
     Ok(LivingRun { folder, plan, region })
 }
 
-/// The run to inspect: the one that `run` names, or this user's newest live run. Prints its name if there are
-/// several.
+/// Returns the run to inspect: the one that `run` names, or this user's newest live run. Prints its name if
+/// there are several.
 pub(crate) fn newest(run: Option<&str>) -> anyhow::Result<RunFolder> {
     let (mut folders, candidates) = all();
     let chosen = choose::choose_newest(run, &candidates)?;
@@ -68,15 +68,15 @@ pub(crate) fn newest(run: Option<&str>) -> anyhow::Result<RunFolder> {
     Ok(folders.swap_remove(chosen))
 }
 
-/// The selected run: the only live one, or the one named by `run`: its id, a prefix of its id, or the name of
-/// its graph.
+/// Returns the selected run: the only live one, or the one named by `run`: its id, a prefix of its id, or the
+/// name of its graph.
 fn pick(run: Option<&str>) -> anyhow::Result<RunFolder> {
     let (mut folders, candidates) = all();
     let chosen = choose::choose(run, &candidates)?;
     Ok(folders.swap_remove(chosen))
 }
 
-/// All runs of this user, the newest first.
+/// Returns all runs of this user, the newest first.
 fn all() -> (Vec<RunFolder>, Vec<Candidate>) {
     let (mut folders, mut candidates) = (Vec::new(), Vec::new());
     for folder in RunFolder::list() {
@@ -89,7 +89,7 @@ fn all() -> (Vec<RunFolder>, Vec<Candidate>) {
     (folders, candidates)
 }
 
-/// The runs of this user that are alive at this moment and not about to end: their ids and plans.
+/// Returns the runs of this user that are alive at this moment and not about to end: their ids and plans.
 pub(crate) fn living() -> Vec<(String, Plan)> {
     let goes_on = |folder: &RunFolder| {
         let region = folder.region();
@@ -119,7 +119,7 @@ impl LivingRun {
         }
     }
 
-    /// Time zero of the run on the clock of its stamps, ns.
+    /// Returns the time zero of the run on the clock of its stamps, ns.
     pub(crate) fn start_ns(&self) -> u64 {
         match self.plan.clock {
             ClockKind::Realtime => self.region.header().start_ns.load(Relaxed),
@@ -127,7 +127,7 @@ impl LivingRun {
         }
     }
 
-    /// True if the run is over.
+    /// Returns `true` if the run has ended.
     pub(crate) fn has_ended(&self) -> bool {
         self.region.header().command() == Command::Stop || !self.folder.is_alive()
     }

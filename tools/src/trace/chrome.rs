@@ -106,7 +106,7 @@ impl Trace<'_> {
         Ok(())
     }
 
-    /// Event that a component waits for before its steps.
+    /// Returns the event that a component waits for before its steps.
     fn released_by(&self, index: usize) -> &str {
         match &self.plan.components[index].activation {
             Activation::Periodic { .. } => "its period",
@@ -145,7 +145,7 @@ impl Trace<'_> {
         })
     }
 
-    /// A time since the start of the run, us.
+    /// Returns a time since the start of the run, us.
     fn ts(&self, ns: u64) -> f64 {
         (ns as i64).wrapping_sub(self.start_ns as i64) as f64 * 1e-3
     }

@@ -46,8 +46,8 @@ pub(super) struct HandOver {
     pub(super) wakes: bool,
 }
 
-/// The steps of a component. Events of a step that did not end, or whose end was overwritten, are counted in
-/// the next one.
+/// Returns the steps of a component. Events of a step that did not end, or whose end was overwritten, are
+/// counted in the next one.
 pub(super) fn steps(events: &[TraceEvent]) -> Vec<Step> {
     let (mut steps, mut published, mut reads) = (Vec::new(), Vec::new(), Vec::new());
     for event in events {
@@ -67,7 +67,7 @@ pub(super) fn steps(events: &[TraceEvent]) -> Vec<Step> {
     steps
 }
 
-/// All hand-overs whose two ends are in the trace, by reader.
+/// Returns all hand-overs whose two ends are in the trace, by reader.
 pub(super) fn hand_overs(plan: &Plan, components: &[Vec<Step>]) -> Vec<HandOver> {
     let all = components.iter().flatten().flat_map(|step| &step.published);
     let published: HashMap<(usize, u64, u64), u64> =

@@ -157,15 +157,15 @@ fn ineffective_scan_option_is_refused() {
     for (arguments, words) in [
         (
             &["can", "scan", "can77", "--data-bitrate", "5000000"][..],
-            "`--data-bitrate` does nothing on an interface of the kernel",
+            "`--data-bitrate` has no effect on an interface of the kernel",
         ),
         (
             &["can", "scan", "unix:nobody", "--bitrate", "500000"],
-            "`--bitrate` does nothing on a simulated bus",
+            "`--bitrate` has no effect on a simulated bus",
         ),
         (
             &["can", "scan", "can77", "--speed", "115200"],
-            "`--speed` does nothing on an interface of the kernel",
+            "`--speed` has no effect on an interface of the kernel",
         ),
         (&["can", "scan", "pty:/tmp/nobody", "--fd"], "add `--data-bitrate 5000000`"),
         (&["can", "scan", "can77", "--fd"], "`can77` does not carry CAN FD"),

@@ -346,7 +346,7 @@ fn missing_pip_or_package_error_gives_advice() {
     let python = pip(folder.path(), "[ \"$3\" = --version ] && exit 0; echo no network >&2; exit 1");
     let error = install(&python);
     assert!(
-        error.contains("pip could not get example-robot-data==6.0.0") && error.contains("no network"),
+        error.contains("pip could not download example-robot-data==6.0.0") && error.contains("no network"),
         "{error}"
     );
     let python = pip(folder.path(), "exit 0");

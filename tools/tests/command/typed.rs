@@ -33,7 +33,7 @@ fn unsupported_run_options_are_refused_at_start() {
             &["'--record-last <TIME>'", "without a unit"][..],
         ),
         (&["--record", within], 1, &["is a folder, expected the file of a recording"]),
-        (&["--core", "4096"], 2, &["`--core 4096` names no core of this machine; its cores: 0"]),
+        (&["--core", "4096"], 2, &["`--core 4096` is not a core of this machine; its cores: 0"]),
         (&["--pace", "-1"], 2, &["'--pace <FACTOR>'", "expected a number above 0"]),
         (&["--episodes", "-1"], 2, &["'-1'", "'--episodes <N>'"]),
     ] {

@@ -46,7 +46,7 @@ pub(crate) enum Command {
 impl Command {
     pub(crate) const ALL: [Self; 4] = [Self::Stop, Self::Resume, Self::End, Self::Start];
 
-    /// Name of its service.
+    /// Returns the name of its service.
     pub(crate) fn service(self) -> &'static str {
         match self {
             Self::Stop => "/motorium/stop",
@@ -177,12 +177,12 @@ struct CurvesRequest {
     points: usize,
 }
 
-/// Maximum number of entries in one answer, and its default.
+/// Returns the maximum number of entries in one answer, and its default.
 const fn most_curves() -> usize {
     64
 }
 
-/// Maximum number of points of a curve, and its default.
+/// Returns the maximum number of points of a curve, and its default.
 const fn most_points() -> usize {
     10_000
 }
@@ -198,8 +198,8 @@ impl Handler for Curves {
     }
 }
 
-/// Answers a request for curves: the number of entries of the field, and points of each curve, time since the
-/// start in s and value.
+/// Answers a request for curves: the number of entries of the field, and the points of each curve (time since
+/// the start in s, and value).
 fn read_curves(recording: &Recording, request: &[u8]) -> Result<serde_json::Value, String> {
     let asked: CurvesRequest = serde_json::from_slice(request).map_err(|error| error.to_string())?;
     let signal = Signal { topic: asked.topic, field: Some(asked.field), entries: None };

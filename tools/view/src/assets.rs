@@ -24,11 +24,11 @@ pub(crate) struct Assets {
 /// A file that cannot be sent.
 #[derive(Debug, PartialEq, Eq, thiserror::Error)]
 pub(crate) enum AssetError {
-    #[error("`{uri}` names no file of a robot; expected `package://PACKAGE/PATH` or `file://PATH`, of one of the kinds {}", KINDS.join(", "))]
+    #[error("`{uri}` is not a file of a robot, expected `package://PACKAGE/PATH` or `file://PATH` with one of the extensions {}", KINDS.join(", "))]
     Kind { uri: String },
     #[error("`{uri}` not found; searched in {}", searched(.tried))]
     Missing { uri: String, tried: Vec<PathBuf> },
-    #[error("`{uri}` is outside of the folders of the robots")]
+    #[error("`{uri}` is outside of the robots' folders")]
     Outside { uri: String },
     #[error("`{uri}` cannot be sent: {reason}")]
     Read { uri: String, reason: String },
@@ -50,7 +50,7 @@ impl Assets {
         Self { packages: path, robots, texts }
     }
 
-    /// The content of a file.
+    /// Returns the content of a file.
     pub(crate) fn fetch(&self, uri: &str) -> Result<Vec<u8>, AssetError> {
         if let Some(text) = self.texts.get(uri) {
             return Ok(text.clone().into_bytes());

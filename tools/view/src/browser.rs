@@ -21,13 +21,13 @@ const START_WITHIN: Duration = Duration::from_secs(60);
 /// Maximum time for an answer.
 const ANSWER_WITHIN: Duration = Duration::from_secs(60);
 
-/// The browser is missing or does not follow a command.
+/// Error of the browser: missing, not started, or a refused command.
 #[derive(Debug, thiserror::Error)]
 pub enum BrowserError {
     /// No browser is installed.
     #[error("no Chromium on PATH ({}); install it: `apt-get install chromium`", NAMES.join(", "))]
     Missing,
-    /// It cannot be started.
+    /// The browser cannot be started.
     #[error("{} does not start: {reason}", .program.display())]
     Start {
         /// The program.
@@ -35,7 +35,7 @@ pub enum BrowserError {
         /// Output of the browser, or the system's reason.
         reason: String,
     },
-    /// Its connection broke.
+    /// The connection to the browser broke.
     #[error("the browser does not answer: {0}")]
     Connection(#[from] Box<tungstenite::Error>),
     /// The browser rejected a command, or the page threw an error.
@@ -43,7 +43,7 @@ pub enum BrowserError {
     Refused {
         /// The command.
         method: String,
-        /// Its reason.
+        /// Reason reported by the browser.
         reason: String,
     },
 }
@@ -68,7 +68,7 @@ pub struct Browser {
 }
 
 impl Browser {
-    /// The program, if one is installed.
+    /// Returns the path of an installed browser; `None` if there is none.
     pub fn find() -> Option<PathBuf> {
         let path = std::env::var_os("PATH").unwrap_or_default();
         let folders: Vec<PathBuf> = std::env::split_paths(&path).collect();
@@ -77,7 +77,7 @@ impl Browser {
             .find_map(|name| folders.iter().map(|folder| folder.join(name)).find(|file| file.is_file()))
     }
 
-    /// Opens a page in a new browser with a window of this size, pixels.
+    /// Opens a page in a new browser. Its window has this width and height, pixels.
     ///
     /// # Errors
     /// No browser is installed, or it does not start.
@@ -128,7 +128,7 @@ impl Browser {
         Ok(browser)
     }
 
-    /// The value of an expression in the page; promises are awaited.
+    /// Evaluates an expression in the page and returns its value. Promises are awaited.
     ///
     /// # Errors
     /// The page threw an error, or the browser does not answer.

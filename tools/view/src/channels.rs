@@ -92,7 +92,7 @@ impl Channels {
         }
     }
 
-    /// The topic of the plan that a channel shows.
+    /// Returns the topic of the plan that a channel shows.
     pub(crate) fn topic_of(&self, channel: &str) -> Option<usize> {
         self.topics.iter().position(|all| all.iter().any(|(_, raw)| raw.topic() == channel))
     }

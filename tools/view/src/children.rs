@@ -59,12 +59,12 @@ impl Started {
         Ok(Self(command.spawn().with_context(|| format!("starting {}", motorium.display()))?))
     }
 
-    /// The launcher of its run.
+    /// Returns the launcher of its run.
     pub(crate) fn pid(&self) -> u32 {
         self.0.id()
     }
 
-    /// Exit status, once the process has ended.
+    /// Returns the exit status, once the process has ended.
     pub(crate) fn ended(&mut self) -> Option<ExitStatus> {
         self.0.try_wait().ok().flatten()
     }
@@ -124,7 +124,7 @@ impl Times {
         Ok(Self { child, lines })
     }
 
-    /// The newest line since the last call.
+    /// Returns the newest line since the last call.
     pub(crate) fn newest(&self) -> Option<String> {
         self.lines.try_iter().last()
     }

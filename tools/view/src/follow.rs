@@ -58,7 +58,7 @@ pub(crate) struct Follower {
 }
 
 impl Follower {
-    /// A follower of the run of a request. The graph of the request is started.
+    /// Creates a follower of the run of a request. The graph of the request is started.
     pub(crate) fn new(request: Request, server: Arc<Server>, asks: Receiver<Ask>) -> anyhow::Result<Self> {
         let run_channel = server.json_channel(RUN, "motorium.Run", RUN_SCHEMA)?;
         let times_channel = server.json_channel(TIMES, "motorium.Top", TIMES_SCHEMA)?;
@@ -196,7 +196,7 @@ impl Follower {
         Ok(())
     }
 
-    /// State of the run as sent to viewers.
+    /// Returns the state of the run as sent to viewers.
     fn state(&self) -> String {
         let latch = self.joined.as_ref().and_then(|joined| joined.region.header().latched());
         let clock = self.joined.as_ref().map(|joined| joined.plan.clock);

@@ -13,7 +13,7 @@ use serde_json::{Value as Json, json};
 /// Length of the predicted timeline sent to viewers, ns.
 const PREDICTED_NS: u64 = 10_000_000;
 
-/// The robots of a plan, each once.
+/// Returns the robots of a plan, each once.
 pub(crate) fn robots(plan: &Plan) -> Vec<&RobotReference> {
     let mut found: Vec<&RobotReference> = Vec::new();
     for robot in plan.components.iter().flat_map(|component| component.robot.iter().chain(&component.robots))
@@ -25,7 +25,7 @@ pub(crate) fn robots(plan: &Plan) -> Vec<&RobotReference> {
     found
 }
 
-/// The file of a robot, if it has one.
+/// Returns the file of a robot, if it has one.
 pub(crate) fn file_of(robot: &RobotReference) -> Option<PathBuf> {
     let source = RobotSource {
         name: &robot.name,
@@ -39,7 +39,8 @@ pub(crate) fn file_of(robot: &RobotReference) -> Option<PathBuf> {
     source.load().ok()?.path
 }
 
-/// Components, topics, parameters and robots of a graph, and the beginning of its predicted timeline.
+/// Returns the components, topics, parameters and robots of a graph, and the beginning of its predicted
+/// timeline.
 pub(crate) fn describe(run: &str, plan: &Plan, overheads: &Overheads) -> Json {
     let topics = plan.topics.iter().enumerate().map(|(place, topic)| {
         let name = |index: &usize| plan.components[*index].name.as_str();
@@ -70,8 +71,8 @@ pub(crate) fn describe(run: &str, plan: &Plan, overheads: &Overheads) -> Json {
     })
 }
 
-/// Units of the fields of a topic, and names of the entries of their arrays, if any. Names of joints, which
-/// all fields of such a topic share, are listed once, for the field `""`.
+/// Returns the units of the fields of a topic, and names of the entries of their arrays, if any. Names of
+/// joints, which all fields of such a topic share, are listed once, for the field `""`.
 fn fields(plan: &Plan, topic: usize) -> Json {
     let layout = &plan.topics[topic].layout;
     let mut quantities = serde_json::Map::new();
@@ -112,7 +113,7 @@ fn component(plan: &Plan, component: &ComponentPlan) -> Json {
     })
 }
 
-/// Each robot with the channels that pose it: joints, and the base if it moves.
+/// Returns each robot with the channels that pose it: joints, and the base if it moves.
 fn drawn(plan: &Plan) -> Vec<Json> {
     let described = descriptions(plan);
     let robots = described.iter().map(|robot| {

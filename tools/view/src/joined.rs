@@ -82,7 +82,7 @@ impl Joined {
         Ok(Self { folder, plan, region, parameters, domain, channels, topics, offset_ns })
     }
 
-    /// True if the run is over.
+    /// Returns `true` if the run has ended.
     pub(crate) fn has_ended(&self) -> bool {
         self.region.header().command() == Command::Stop || !self.folder.is_alive()
     }
@@ -144,7 +144,7 @@ impl Topic {
     }
 }
 
-/// Offset from times of the run's clock to the time since 1970, ns.
+/// Returns the offset from times of the run's clock to the time since 1970, ns.
 fn offset_ns(plan: &Plan, region: &Region) -> u64 {
     let wall = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     let wall_ns = u64::try_from(wall.as_nanos()).unwrap_or(u64::MAX);
@@ -158,7 +158,7 @@ fn offset_ns(plan: &Plan, region: &Region) -> u64 {
     wall_ns.saturating_sub(run_ns)
 }
 
-/// The newest live run that matches.
+/// Returns the newest live run that matches.
 pub(crate) fn newest(fits: impl Fn(&RunFolder) -> bool) -> Option<RunFolder> {
     let goes_on = |folder: &RunFolder| {
         folder.region().is_ok_and(|region| region.header().command() != Command::Stop) && folder.is_alive()
@@ -166,7 +166,7 @@ pub(crate) fn newest(fits: impl Fn(&RunFolder) -> bool) -> Option<RunFolder> {
     RunFolder::list().into_iter().find(|folder| fits(folder) && goes_on(folder))
 }
 
-/// The run with this id.
+/// Returns the run with this id.
 pub(crate) fn named(id: &str) -> anyhow::Result<RunFolder> {
     RunFolder::find(id).with_context(|| format!("no run is called `{id}`"))
 }

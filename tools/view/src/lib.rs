@@ -48,7 +48,7 @@ use signal_hook::consts::{SIGINT, SIGTERM};
 pub use front::page_digest;
 pub use request::{Request, SERVE};
 
-/// The whole program.
+/// Runs the viewer and returns its exit code.
 pub fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().collect();
     // `motorium` queries each sibling program for its version and its kinds; this one has no kinds.

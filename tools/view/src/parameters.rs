@@ -4,7 +4,7 @@ use foxglove::websocket::{Parameter, ParameterType, ParameterValue as Shown};
 use motorium::declare::{ParameterDeclaration, ParameterKind, ParameterValue};
 use motorium::transport::ParameterTable;
 
-/// All parameters of a run, named `component.parameter`. Empty if the run is over.
+/// Returns all parameters of a run, named `component.parameter`. Empty if the run is over.
 pub(crate) fn all(table: &ParameterTable) -> Vec<Parameter> {
     let listed = table.list().unwrap_or_default();
     let shown = listed
@@ -13,7 +13,7 @@ pub(crate) fn all(table: &ParameterTable) -> Vec<Parameter> {
     shown.collect()
 }
 
-/// A parameter as displayed.
+/// Returns a parameter as displayed.
 pub(crate) fn shown(name: String, value: &ParameterValue) -> Parameter {
     match value {
         ParameterValue::Boolean(value) => Parameter::bool(name, *value),

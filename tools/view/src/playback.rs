@@ -126,7 +126,7 @@ impl<'r> Playback<'r> {
         Ok(Self { recording, plan, channels, topics, pictures, rest, later, newest, changed })
     }
 
-    /// The topic of the plan that an entry belongs to.
+    /// Returns the topic of the plan that an entry belongs to.
     fn topic_of(&self, entry: &Entry) -> Option<usize> {
         match entry {
             Entry::Sample(sample) => self.topics[sample.topic],

@@ -79,7 +79,7 @@ impl Player {
         PlaybackState { request_id: Some(request.request_id), ..self.state() }
     }
 
-    /// State for Foxglove viewers.
+    /// Returns the state for Foxglove viewers.
     pub(crate) fn state(&self) -> PlaybackState {
         let status = match (self.plays, self.place >= self.length()) {
             (true, _) => PlaybackStatus::Playing,
@@ -95,7 +95,7 @@ impl Player {
         }
     }
 
-    /// Recording and position for the viewer's own page.
+    /// Returns the recording and position for the viewer's own page.
     pub(crate) fn position_json(&self) -> serde_json::Value {
         serde_json::json!({
             "length_s": self.length() * 1e-9,
@@ -105,12 +105,12 @@ impl Player {
         })
     }
 
-    /// Recording time at a position in seconds from the start, ns.
+    /// Returns the recording time at a position in seconds from the start, ns.
     pub(crate) fn time_at(&self, place_s: f64) -> u64 {
         self.start_ns.saturating_add((place_s * 1e9) as u64)
     }
 
-    /// Speed relative to the recording.
+    /// Returns the speed relative to the recording.
     pub(crate) fn speed(&self) -> f64 {
         self.speed
     }

@@ -46,7 +46,7 @@ pub struct Request {
     /// `true` if an internal client subscribes to everything, for measurements of the viewer's cost.
     #[serde(default)]
     pub watched: bool,
-    /// Overheads of this machine, for the predicted timeline; `None` for the cautious ones.
+    /// Overheads of this machine, for the predicted timeline; `None` for motorium's cautious defaults.
     #[serde(default)]
     pub overheads: Option<Overheads>,
     /// Time of the command, ms since 1970.

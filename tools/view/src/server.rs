@@ -61,7 +61,7 @@ impl Server {
         Ok(Self { handle, context, assets })
     }
 
-    /// Internal address, behind the port of the viewer.
+    /// Returns the internal address, behind the port of the viewer.
     pub(crate) fn address(&self) -> SocketAddr {
         ([127, 0, 0, 1], self.handle.port()).into()
     }

@@ -1,4 +1,4 @@
-//! Assignment of a drive's answers to the cycles.
+//! Assignment of a drive's answers to the cycles in which they were requested.
 
 use super::Counts;
 
@@ -8,20 +8,20 @@ pub const LOST_AFTER: u32 = 3;
 /// Answers of one drive, and the frames that it has not answered yet.
 #[derive(Clone, Debug)]
 pub(super) struct Answers {
-    /// The drive reports unsolicited, so its messages answer no frame.
+    /// `true` if the drive reports unsolicited, so its messages answer no frame.
     is_unsolicited: bool,
     /// Number of frames on its bus in this cycle after which the drive has been queried; `None` if it is not
     /// queried.
     pub(super) asked_by: Option<usize>,
     pub(super) asked: bool,
     pub(super) answered: bool,
-    /// The drive has answered at least once.
+    /// `true` if the drive has answered at least once.
     pub(super) is_found: bool,
     /// Unanswered frames of past cycles; their answers may still arrive.
     owed: u32,
-    /// The drive is skipped in this cycle; any answer from it belongs to an earlier frame.
+    /// `true` if the drive is skipped in this cycle; any answer from it belongs to an earlier frame.
     pub(super) is_probed: bool,
-    /// Every answer of the drive comes a cycle late.
+    /// `true` if every answer of the drive comes a cycle late.
     is_behind: bool,
     pub(super) sent_ns: u64,
     /// Shortest time from sending a frame to the end of its answer, ns.
@@ -68,7 +68,7 @@ impl Answers {
         (self.owed, self.is_probed, self.is_behind) = (0, false, false);
     }
 
-    /// Records an answer that names its request, so no earlier answers are outstanding.
+    /// Records an answer that identifies its request, so no earlier answers are outstanding.
     pub(super) fn settle(&mut self) {
         (self.answered, self.owed) = (true, 0);
     }
@@ -76,9 +76,9 @@ impl Answers {
     /// Assigns an answer received at `time_ns` to a cycle and counts it. Returns `false` if the answer must
     /// be discarded.
     ///
-    /// Answers carry no sequence number. An answer that arrives too early to answer this cycle's frame
-    /// belongs to an earlier cycle. If the previous cycle had no answer and this cycle has two, the first one
-    /// also belongs to an earlier cycle.
+    /// Answers carry no sequence number. An answer that arrives too early for this cycle's frame belongs to
+    /// an earlier cycle. If the previous cycle had no answer and this cycle has two, the first one also
+    /// belongs to an earlier cycle.
     pub(super) fn sort(&mut self, time_ns: u64, counts: &mut Counts) -> bool {
         if self.is_unsolicited {
             self.answered = true;
@@ -110,7 +110,7 @@ impl Answers {
         (self.asked, self.answered, self.sent_ns) = (true, false, now_ns);
     }
 
-    /// Updates the counters at the end of a cycle. `is_due` if the drive is queried in every cycle.
+    /// Updates the counters at the end of a cycle. `is_due` is `true` if the drive is queried in every cycle.
     pub(super) fn count(&mut self, is_missing: bool, is_due: bool, counts: &mut Counts) {
         // a drive that has never answered, such as before power-up, is waited for
         let is_lost = is_missing && self.is_found;

@@ -3,25 +3,25 @@
 /// Counters of one drive.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {
-    /// Unanswered frames before the first answer, while the adapter waits for the drive.
+    /// Number of unanswered frames before the first answer, while the adapter waits for the drive.
     pub awaited: u64,
-    /// Frames after the first answer that were not answered before the next one was sent.
+    /// Number of frames after the first answer that were not answered before the next one was sent.
     pub missing: u64,
-    /// Answers to a frame before the latest one.
+    /// Number of answers to a frame before the latest one.
     pub late: u64,
-    /// Additional answers to a frame that has already been answered.
+    /// Number of additional answers to a frame that has already been answered.
     pub duplicate: u64,
-    /// Frames from the drive that could not be decoded.
+    /// Number of frames from the drive that could not be decoded.
     pub refused: u64,
-    /// Frames with a position or velocity that the joint cannot have; also counted in `refused`.
+    /// Number of frames with an implausible position or velocity of the joint; also counted in `refused`.
     pub implausible: u64,
-    /// Emergency messages with an error code.
+    /// Number of emergency messages with an error code.
     pub emergencies: u64,
-    /// Commands with a field beyond its range.
+    /// Number of commands with a field beyond its range.
     pub clamped: u64,
     /// Number of times that the drive was lost.
     pub lost: u64,
-    /// Cycle in which the drive was last lost, from 1.
+    /// Cycle in which the drive was last lost, counted from 1; `None` if it was never lost.
     pub lost_in: Option<u64>,
     /// Number of times that the drive reported a fault.
     pub faults: u64,

@@ -16,14 +16,14 @@ impl Adapter {
         self.links.iter_mut().for_each(|link| (link.is_released, link.is_off) = (true, false));
     }
 
-    /// Returns `true` if each drive has confirmed since the release that it is off.
+    /// Returns `true` once each drive has confirmed that it is off after the release.
     pub fn is_released(&self) -> bool {
         self.links.iter().all(|link| link.is_released && link.is_off)
     }
 
-    /// Refuses to enable the drives while one reads a position outside of its joint's range, and returns
-    /// `true` in that case. If the drives have already followed commands, the adapter trips instead and the
-    /// others keep their state.
+    /// Refuses to enable the drives while a drive reads a position outside of its joint's range, and returns
+    /// `true` in that case. If the drives have already followed commands, the adapter trips instead, and the
+    /// other drives keep their state.
     pub(super) fn refuse_out_of_range(&mut self) -> bool {
         let disabled = |link: &Link| if link.phase == Phase::Disabled { link.out_of_range() } else { None };
         let found = self.links.iter().enumerate();
@@ -37,7 +37,8 @@ impl Adapter {
         true
     }
 
-    /// Drive that was not enabled again because its joint was outside of its range.
+    /// Returns the drive that was not enabled again because its joint was outside of its range, and its
+    /// position.
     pub fn out_of_range(&self) -> Option<(usize, WrongSetting)> {
         self.out_of_range
     }

@@ -14,7 +14,7 @@ use crate::protocols::dialogue::{Dialogue, Order, Response};
 use crate::table::{Table, Transmission};
 use motorium_drive::JointSetpoint;
 
-/// One drive from the adapter's point of view.
+/// State of one drive in the adapter: phase, newest reading, homing and counters.
 #[derive(Clone, Debug)]
 pub struct Link {
     pub(super) dialogue: AnyDialogue,
@@ -34,14 +34,14 @@ pub struct Link {
     /// Receive time, ns, of the newest heartbeat, or of the newest state message of a drive whose answers
     /// lack the state.
     pub(super) state_ns: Option<u64>,
-    /// The newest answer reports that the drive is off.
+    /// `true` if the newest answer reports that the drive is off.
     pub(super) is_off: bool,
-    /// The drive is disabled for the rest of the run.
+    /// `true` if the drive is disabled for the rest of the run.
     pub(super) is_released: bool,
-    /// The drive is only observed, never enabled.
+    /// `true` if the drive is only observed, never enabled.
     pub(super) is_observed: bool,
     pub(super) answers: Answers,
-    /// The drive has answered in its current phase.
+    /// `true` if the drive has answered in its current phase.
     pub(super) fresh: bool,
     pub(super) reading: Reading,
     pub(super) fault: Option<Fault>,
@@ -92,27 +92,28 @@ impl Link {
         link
     }
 
-    /// Index of the drive's bus.
+    /// Returns the index of the drive's bus.
     pub fn bus(&self) -> usize {
         self.bus
     }
 
-    /// Phase of the drive.
+    /// Returns the phase of the drive.
     pub fn phase(&self) -> Phase {
         self.phase
     }
 
-    /// Joint position (rad or m), velocity and effort of the newest answer.
+    /// Returns the joint position (rad or m), velocity (rad/s or m/s) and effort (N m or N) of the newest
+    /// answer.
     pub fn state(&self) -> (f64, f64, f64) {
         (self.reading.position, self.reading.velocity, self.reading.effort)
     }
 
-    /// Temperature, degrees Celsius, if the drive reports it.
+    /// Returns the temperature in degrees Celsius; `None` if the drive does not report it.
     pub fn temperature(&self) -> Option<f64> {
         self.reading.temperature
     }
 
-    /// Fault that the drive reported last.
+    /// Returns the newest fault reported by the drive; `None` without a fault.
     pub fn fault(&self) -> Option<Fault> {
         self.fault
     }
@@ -122,17 +123,17 @@ impl Link {
         self.answers.is_found
     }
 
-    /// Number of cycles without an answer.
+    /// Returns the number of cycles since the newest answer.
     pub fn silent(&self) -> u32 {
         self.answers.silent
     }
 
-    /// Time of the newest state, ns.
+    /// Returns the receive time of the newest state, ns; `None` before the first one.
     pub fn received_ns(&self) -> Option<u64> {
         self.reading.received_ns
     }
 
-    /// Counters of the drive.
+    /// Returns the counters of the drive.
     pub fn counts(&self) -> &Counts {
         &self.counts
     }
@@ -233,7 +234,7 @@ impl Link {
         self.counts.lost_in = Some(cycle);
     }
 
-    /// Order of this cycle.
+    /// Returns the order of this cycle.
     pub(super) fn order(&self, trip: Option<OnTrip>) -> Order {
         if self.is_released {
             return Order::Disable;
@@ -329,15 +330,15 @@ impl Link {
 /// Consequences of a received frame.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Taken {
-    /// The adapter trips.
+    /// `true` if the adapter trips.
     pub(super) trips: bool,
-    /// The drive has restarted and lost its configuration.
+    /// `true` if the drive has restarted and lost its configuration.
     pub(super) has_restarted: bool,
     /// Setting that differs from the table.
     pub(super) wrong: Option<WrongSetting>,
 }
 
-/// Shortest time from sending a command to the end of its answer, ns.
+/// Returns the shortest time from sending a command to the end of its answer, ns.
 fn soonest(dialogue: &AnyDialogue, rates: &Rates) -> u64 {
     let (form, command, answer) = dialogue.shortest();
     let bits = |bytes| Bits::nominal(false, form, bytes).ns(rates);

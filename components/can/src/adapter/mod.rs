@@ -38,7 +38,7 @@ use motorium_drive::JointSetpoint;
 pub use on_trip::OnTrip;
 pub use phase::Phase;
 
-/// Adapter of the drives of one robot.
+/// Adapter that commands the drives of one robot.
 #[derive(Clone, Debug)]
 pub struct Adapter {
     links: Vec<Link>,
@@ -46,7 +46,7 @@ pub struct Adapter {
     common: Vec<Option<CommonAnswer>>,
     on_trip: OnTrip,
     tripped: bool,
-    /// No drive is ever enabled.
+    /// `true` if no drive is ever enabled.
     is_observer: bool,
     is_homing_allowed: bool,
     cycle_ns: u64,
@@ -59,8 +59,8 @@ pub struct Adapter {
 }
 
 impl Adapter {
-    /// Creates an adapter for the drives of a table, in the given order. `damping` applies to each joint
-    /// after a trip.
+    /// Creates an adapter for the drives of a table. `order` contains the table index of each joint's drive.
+    /// `damping` is the velocity gain of each joint after a trip (N m s/rad or N s/m).
     pub fn new(table: &Table, order: &[usize], damping: &[f64], on_trip: OnTrip) -> Self {
         let links =
             order.iter().zip(damping).map(|(index, damping)| Link::new(table, *index, *damping)).collect();
@@ -81,37 +81,38 @@ impl Adapter {
         }
     }
 
-    /// Makes the adapter an observer: drives are checked and report their positions, but are never enabled.
+    /// Turns the adapter into an observer: drives are checked and report their positions, but are never
+    /// enabled.
     #[must_use]
     pub fn observer(mut self) -> Self {
         self.links.iter_mut().for_each(|link| link.is_observed = true);
         Self { is_observer: true, ..self }
     }
 
-    /// Sets the position gain that holds each joint between its homing and its first command. Default 0: the
-    /// joint is damped.
+    /// Sets the position gain (N m/rad or N/m) that holds each joint between its homing and its first
+    /// command. Default 0: the joint is damped.
     #[must_use]
     pub fn with_stiffness(mut self, stiffness: &[f64]) -> Self {
         self.links.iter_mut().zip(stiffness).for_each(|(link, stiffness)| link.stiffness = *stiffness);
         self
     }
 
-    /// Drives, in the order of the joints.
+    /// Returns the drives, in the order of the joints.
     pub fn links(&self) -> &[Link] {
         &self.links
     }
 
-    /// Number of completed cycles.
+    /// Returns the number of completed cycles.
     pub fn cycles(&self) -> u64 {
         self.cycles
     }
 
-    /// First cycle in which all drives followed commands.
+    /// Returns the first cycle in which all drives followed commands; `None` before that cycle.
     pub fn enabled_in(&self) -> Option<u64> {
         self.enabled_in
     }
 
-    /// Number of frames from devices that are not in the table.
+    /// Returns the number of frames from devices that are not in the table.
     pub fn stray(&self) -> u64 {
         self.stray
     }
@@ -121,7 +122,7 @@ impl Adapter {
         self.tripped
     }
 
-    /// First drive with a setting that differs from the table.
+    /// Returns the first drive with a setting that differs from the table, and the setting.
     pub fn wrong_setting(&self) -> Option<(usize, WrongSetting)> {
         self.wrong
     }
@@ -178,8 +179,8 @@ impl Adapter {
         }
     }
 
-    /// Ends the cycle. Drives that were queried and have not answered are missing. Pass `false` for `counts`
-    /// when no drive can answer any more.
+    /// Ends the cycle. Queried drives without an answer count as missing. Pass `false` for `counts` when no
+    /// drive can answer any more.
     pub fn end_cycle(&mut self, counts: bool) {
         self.cycles += 1;
         for link in &mut self.links {
@@ -225,7 +226,7 @@ impl Adapter {
         !self.links.iter().any(|link| link.answers.is_awaited())
     }
 
-    /// Accepts answers on this bus at any time after their commands, because the bus has no bit times.
+    /// Accepts answers on this bus at any time after their commands. Required for buses without bit times.
     pub fn without_bit_times(&mut self, bus: usize) {
         for link in self.links.iter_mut().filter(|link| link.bus == bus) {
             link.answers.soonest_ns = 0;
@@ -241,17 +242,18 @@ impl Adapter {
         }
     }
 
-    /// Returns `true` if the state of every joint is known and no drive is lost.
+    /// Returns `true` if every joint's position is known and no drive is lost.
     pub fn is_complete(&self) -> bool {
         self.is_known() && self.links.iter().all(|link| !link.answers.is_lost())
     }
 
-    /// Returns `true` if every drive has answered and reads its joint's position.
+    /// Returns `true` if every joint's position is known: its drive has answered, and its homing, if any, is
+    /// complete.
     pub fn is_known(&self) -> bool {
         self.links.iter().all(|link| link.reading.received_ns.is_some() && link.is_homed())
     }
 
-    /// Time of the oldest state among the joints, ns.
+    /// Returns the receive time of the oldest joint state, ns; `None` if a joint has no state yet.
     pub fn oldest_ns(&self) -> Option<u64> {
         self.links.iter().map(Link::received_ns).min().flatten()
     }

@@ -3,7 +3,7 @@
 use super::HomingFault;
 use crate::drive::State;
 
-/// Phase of one drive.
+/// Phase of a drive, from the check of its settings to following commands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Phase {
     /// The settings are being read; the value is the index of the next setting.
@@ -32,11 +32,11 @@ pub(super) enum Report {
 /// Inputs to the decision about one drive.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Facts {
-    /// The drive is only observed, never enabled.
+    /// `true` if the drive is only observed, never enabled.
     pub(super) is_observed: bool,
-    /// The drive is disabled for the rest of the run.
+    /// `true` if the drive is disabled for the rest of the run.
     pub(super) is_released: bool,
-    /// The adapter moves the joint to its stop.
+    /// `true` if the adapter moves the joint to its stop.
     pub(super) is_led: bool,
 }
 
@@ -47,7 +47,7 @@ pub(super) enum Change {
     Keep,
     /// The drive follows commands.
     Follow,
-    /// The drive is enabled for its homing.
+    /// The drive is enabled, and its homing starts.
     Lead,
     /// An observed drive has recovered.
     Recover,

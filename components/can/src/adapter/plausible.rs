@@ -58,7 +58,7 @@ impl Link {
         Err(DecodeError::Implausible { field })
     }
 
-    /// Reason why the drive is not enabled: its position is outside of the joint's range.
+    /// Returns the setting that prevents enabling: a position outside of the joint's range.
     pub(super) fn out_of_range(&self) -> Option<WrongSetting> {
         let ([lower, upper], margin) = self.limits;
         let found = self.reading.position;

@@ -35,7 +35,7 @@ pub struct Bits {
 const TAIL: u32 = 13;
 
 impl Bits {
-    /// Time on the wire, ns, rounded up.
+    /// Returns the transmission time at these bitrates, ns, rounded up.
     pub fn ns(self, rates: &Rates) -> u64 {
         let time = |bits: u32, rate: u32| (u64::from(bits) * 1_000_000_000).div_ceil(u64::from(rate.max(1)));
         time(self.nominal, rates.nominal) + time(self.fast, rates.fast)
@@ -144,12 +144,12 @@ impl core::ops::Add for Bits {
     }
 }
 
-/// Stuff count and CRC of CAN FD, including the fixed stuff bits.
+/// Returns the stuff count and CRC of CAN FD, including the fixed stuff bits.
 fn checksum_field(bytes: usize) -> u32 {
     if bytes <= 16 { 4 + 17 + 6 } else { 4 + 21 + 7 }
 }
 
-/// Data length code for a number of bytes.
+/// Returns the data length code for a number of bytes.
 fn length_code(bytes: usize) -> u32 {
     match bytes {
         0..=8 => bytes as u32,
@@ -239,7 +239,7 @@ static STUFFED: [[Stuffed; 256]; Run::COUNT] = {
 const POLYNOMIAL: u16 = 0x4599;
 const CHECKSUM_BITS: u16 = 0x7fff;
 
-/// CRC after one more bit.
+/// Returns the CRC after one more bit.
 const fn checked(checksum: u16, bit: bool) -> u16 {
     let shifted = checksum << 1 & CHECKSUM_BITS;
     if bit == (checksum >> 14 & 1 == 1) { shifted } else { shifted ^ POLYNOMIAL }

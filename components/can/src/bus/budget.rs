@@ -8,7 +8,7 @@ use crate::frame::Form;
 /// Properties of a frame that determine its length on the wire.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shape {
-    /// The identifier has 29 bits.
+    /// `true` if the identifier has 29 bits.
     pub extended: bool,
     /// Form of the frame.
     pub form: Form,
@@ -17,18 +17,18 @@ pub struct Shape {
 }
 
 impl Shape {
-    /// Bits of such a frame without stuffing.
+    /// Returns the number of bits of such a frame without stuffing.
     pub fn least(&self) -> Bits {
         Bits::nominal(self.extended, self.form, self.bytes)
     }
 
-    /// Largest number of bits that such a frame can have.
+    /// Returns the largest number of bits that such a frame can have.
     pub fn worst(&self) -> Bits {
         Bits::worst(self.extended, self.form, self.bytes)
     }
 }
 
-/// Command and answer of each drive on one bus, once per cycle.
+/// Time budget of one bus: each drive exchanges a command and an answer once per cycle.
 ///
 /// ```
 /// use motorium_can::{Budget, Form, Rates, Shape};
@@ -60,19 +60,19 @@ impl Budget {
     /// next cycle.
     pub const COMFORTABLE: f64 = 0.8;
 
-    /// Worst-case time of all bits of a cycle, ns.
+    /// Returns the worst-case time of all bits of a cycle, ns.
     pub fn busy_ns(&self) -> u64 {
         let exchanges = self.exchanges.iter().map(|(command, answer)| self.ns(command) + self.ns(answer));
         exchanges.sum::<u64>() + self.others.iter().map(|shape| self.ns(shape)).sum::<u64>()
     }
 
-    /// Worst-case time from the first bit of the commands to the last bit of the answers, ns. It consists of
-    /// all bits and the turnaround time of the last answer, while the bus is idle.
+    /// Returns the worst-case time from the first bit of the commands to the last bit of the answers, ns. It
+    /// consists of all bits and the turnaround time of the last answer, while the bus is idle.
     pub fn complete_ns(&self) -> u64 {
         self.busy_ns() + self.turn_round_ns
     }
 
-    /// Worst-case share of the cycle in which the bus carries bits.
+    /// Returns the worst-case bus load, as a fraction of the cycle.
     pub fn share(&self) -> f64 {
         self.busy_ns() as f64 / self.cycle_ns as f64
     }
@@ -82,7 +82,7 @@ impl Budget {
         self.complete_ns() <= self.cycle_ns
     }
 
-    /// Largest number of drives like these that fit into a cycle.
+    /// Returns the maximum number of drives with such exchanges that fit into a cycle.
     pub fn most(&self) -> u64 {
         let count = self.exchanges.len() as u64;
         if count == 0 {

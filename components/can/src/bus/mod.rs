@@ -15,10 +15,10 @@ pub(crate) mod time;
 
 use crate::frame::Frame;
 
-/// A received frame with its receive time.
+/// Frame received from a bus, with its receive time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Received {
-    /// Frame.
+    /// Content of the frame.
     pub frame: Frame,
     /// Receive time of the last bit, ns.
     pub time_ns: u64,
@@ -38,8 +38,8 @@ pub struct Received {
 /// assert_eq!(inbox[0].frame, hello);
 /// ```
 pub trait Bus {
-    /// Sends frames in the given order, and returns the number of accepted frames. The rest is not queued,
-    /// because newer commands will replace them.
+    /// Sends frames in the given order, and returns the number of accepted frames. The remaining frames are
+    /// not queued, because newer commands will replace them.
     fn send(&mut self, frames: &[Frame]) -> usize;
 
     /// Fills `frames` with received frames in order of arrival, and returns their number.

@@ -12,7 +12,7 @@ use super::socket::{Condition, OpenError, SocketBus, SocketCounts};
 use super::{Bus, Received};
 use crate::frame::{Frame, Id};
 
-/// Bus of the computer.
+/// Real or simulated bus that any program on the computer can open.
 ///
 /// ```no_run
 /// use motorium_can::{Rates, RealBus};
@@ -34,8 +34,8 @@ pub enum RealBus {
 }
 
 impl RealBus {
-    /// Opens a bus: a simulated bus of another program (`unix:NAME`, `pty:PATH`), a serial line if the name
-    /// is a path, otherwise an interface of the kernel.
+    /// Opens a bus. `unix:NAME` and `pty:PATH` are simulated buses of another program, other paths are serial
+    /// lines, and all other names are kernel interfaces.
     ///
     /// # Errors
     /// Returns an error if the bus cannot be opened or has other bitrates.
@@ -53,7 +53,7 @@ impl RealBus {
         }
     }
 
-    /// Opens a kernel interface with its configured bitrates.
+    /// Opens a kernel interface, keeping its configured bitrates.
     ///
     /// # Errors
     /// Returns an error if the interface cannot be opened.
@@ -73,7 +73,7 @@ impl RealBus {
         }
     }
 
-    /// Name of the bus.
+    /// Returns the name of the bus.
     pub fn name(&self) -> &str {
         match self {
             Self::Socket(bus) => bus.name(),
@@ -83,7 +83,7 @@ impl RealBus {
         }
     }
 
-    /// Condition of the bus.
+    /// Returns the condition of the bus.
     pub fn condition(&self) -> Condition {
         match self {
             Self::Socket(bus) => bus.condition(),
@@ -93,7 +93,7 @@ impl RealBus {
         }
     }
 
-    /// Counters of the bus.
+    /// Returns the counters of the bus.
     pub fn counts(&self) -> &SocketCounts {
         match self {
             Self::Socket(bus) => bus.counts(),

@@ -26,15 +26,15 @@ pub enum ErrorState {
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Report {
-    /// Reported state, if any.
+    /// Reported state; `None` if the report contains no state.
     pub state: Option<ErrorState>,
-    /// A frame was sent and no node acknowledged it.
+    /// `true` if a frame was sent and no node acknowledged it.
     pub is_unacknowledged: bool,
-    /// The controller had no room for an incoming or outgoing frame.
+    /// `true` if the controller had no room for an incoming or outgoing frame.
     pub is_overflow: bool,
-    /// A frame of any node was disturbed.
+    /// `true` if a frame of any node was disturbed.
     pub is_disturbed: bool,
-    /// The controller has restarted after bus-off.
+    /// `true` if the controller has restarted after bus-off.
     pub is_restart: bool,
     /// Transmit and receive error counters, if the driver reports them.
     pub counters: Option<[u8; 2]>,

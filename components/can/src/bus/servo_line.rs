@@ -37,7 +37,7 @@ pub struct ServoBus {
 /// Largest number of bytes waiting to be written.
 const ROOM: usize = 4096;
 
-/// Terminal constant for a speed; `None` for an unsupported speed.
+/// Returns the terminal constant for a speed; `None` for an unsupported speed.
 fn speed_of(speed: u32) -> Option<libc::speed_t> {
     Some(match speed {
         9_600 => libc::B9600,
@@ -60,7 +60,7 @@ fn open(path: &str, speed: u32) -> Result<File, OpenError> {
 }
 
 impl ServoBus {
-    /// Opens a serial line at this speed, bit/s.
+    /// Opens a serial line at a speed of `speed` bit/s.
     ///
     /// # Errors
     /// Returns an error if the line does not exist, cannot be opened, or does not support the speed.
@@ -70,17 +70,17 @@ impl ServoBus {
         Ok(Self { speed, line, reader: Reader::default(), long, left: (0, 0) })
     }
 
-    /// Path of the line.
+    /// Returns the path of the line.
     pub fn name(&self) -> &str {
         self.line.path()
     }
 
-    /// Condition of the line: present or gone.
+    /// Returns the condition of the line: present or gone.
     pub fn condition(&self) -> Condition {
         self.line.condition
     }
 
-    /// Counters of the line.
+    /// Returns the counters of the line.
     pub fn counts(&self) -> &SocketCounts {
         &self.line.counts
     }

@@ -25,7 +25,7 @@ pub enum Event {
         sender: usize,
         /// State of the node after the error.
         state: ErrorState,
-        /// The frame was not acknowledged because no other node is on the bus.
+        /// `true` if the frame was not acknowledged because no other node is on the bus.
         is_unacknowledged: bool,
         /// Time of the error, ns.
         time_ns: u64,
@@ -37,7 +37,7 @@ pub enum Event {
 struct Node {
     queue: VecDeque<(Frame, u64)>,
     inbox: VecDeque<Received>,
-    /// Received frames are queued for a port.
+    /// `true` if received frames are queued for a port.
     listens: bool,
     transmit_errors: u32,
     receive_errors: u32,
@@ -74,7 +74,7 @@ const PAUSE_BITS: u32 = 3;
 const SUSPEND_BITS: u32 = 8;
 
 impl SimulatedBus {
-    /// Creates a bus of `nodes` nodes, each with room for `depth` outgoing frames.
+    /// Creates a bus with `nodes` nodes. Each has a send queue of `depth` frames.
     pub fn new(rates: Rates, nodes: usize, depth: usize) -> Self {
         let node = |_| Node {
             queue: VecDeque::with_capacity(depth),
@@ -89,7 +89,8 @@ impl SimulatedBus {
         Self { rates, nodes, depth, free_ns: 0, busy_ns: 0, disturbed: 0 }
     }
 
-    /// Queues a frame of a node at `ready_ns`. Returns `false` if the queue is full or the node is bus-off.
+    /// Queues a frame for transmission by `node` from `ready_ns` on. Returns `false` if the queue is full or
+    /// the node is bus-off.
     pub fn enqueue(&mut self, node: usize, frame: Frame, ready_ns: u64) -> bool {
         let sender = &mut self.nodes[node];
         let fits = sender.queue.len() < self.depth && !sender.is_off;
@@ -181,7 +182,7 @@ impl SimulatedBus {
         Bits { nominal: bits, fast: 0 }.ns(&self.rates)
     }
 
-    /// State of a node.
+    /// Returns the state of a node.
     pub fn state(&self, node: usize) -> ErrorState {
         let node = &self.nodes[node];
         match node.transmit_errors.max(node.receive_errors) {
@@ -191,7 +192,7 @@ impl SimulatedBus {
         }
     }
 
-    /// Disturbs this number of frames, starting with the next one on the wire.
+    /// Disturbs the next `frames` frames on the wire.
     pub fn disturb(&mut self, frames: u32) {
         self.disturbed += frames;
     }
@@ -209,12 +210,12 @@ impl SimulatedBus {
         (node.is_off, node.transmit_errors, node.receive_errors, node.suspended_ns) = (false, 0, 0, 0);
     }
 
-    /// Number of frames in a node's send queue.
+    /// Returns the number of frames in a node's send queue.
     pub fn waiting(&self, node: usize) -> usize {
         self.nodes[node].queue.len()
     }
 
-    /// Total time for which the bus carried bits, ns.
+    /// Returns the total time for which the bus carried bits, ns.
     pub fn busy_ns(&self) -> u64 {
         self.busy_ns
     }

@@ -116,7 +116,7 @@ impl Terminal {
         true
     }
 
-    /// Free bytes in the output buffer.
+    /// Returns the number of free bytes in the output buffer.
     pub(super) fn room(&self) -> usize {
         self.pending.capacity() - self.pending.len()
     }
@@ -172,7 +172,7 @@ impl Terminal {
         unsafe { libc::ppoll(&raw mut polled, 1, &raw const longest, core::ptr::null()) > 0 }
     }
 
-    /// Next byte, if available.
+    /// Returns the next byte, if available.
     pub(super) fn next_byte(&mut self) -> Option<u8> {
         if self.unread.0 == self.unread.1 {
             match self.file.read(&mut self.bytes[..]) {

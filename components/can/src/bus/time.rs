@@ -2,18 +2,18 @@
 
 use rustix::time::{ClockId, clock_gettime};
 
-/// Time of a clock, ns.
+/// Returns the time of a clock, ns.
 fn now_ns(clock: ClockId) -> u64 {
     let now = clock_gettime(clock);
     now.tv_sec as u64 * 1_000_000_000 + now.tv_nsec as u64
 }
 
-/// Time of the monotonic clock, ns, used by all stamps.
+/// Returns the time of the monotonic clock, ns, used by all stamps.
 pub(crate) fn monotonic_ns() -> u64 {
     now_ns(ClockId::Monotonic)
 }
 
-/// Time of the wall clock, ns, used by the kernel's timestamps.
+/// Returns the time of the wall clock, ns, used by the kernel's timestamps.
 pub(super) fn realtime_ns() -> u64 {
     now_ns(ClockId::Realtime)
 }

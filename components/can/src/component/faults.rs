@@ -101,7 +101,7 @@ impl Fault {
         let (key, name, other) =
             if of_bus { ("bus", &config.bus, &config.joint) } else { ("joint", &config.joint, &config.bus) };
         if other.is_some() {
-            return refuse(if of_bus { "joint" } else { "bus" }, format!("a fault of a {key}"));
+            return refuse(if of_bus { "joint" } else { "bus" }, format!("the fault affects a {key}"));
         }
         let Some(name) = name else { return refuse("kind", format!("the {key} is missing")) };
         let found = if of_bus {
@@ -124,7 +124,7 @@ impl Fault {
             return refuse("kind", format!("the drive of `{name}` does not home itself"));
         }
         if config.delay.is_some() && config.kind != FaultKind::Late {
-            return refuse("delay", "only a late answer has one".to_string());
+            return refuse("delay", "only the kind \"late\" has a delay".to_string());
         }
         let from_ns = config.at.ns;
         let until_ns = config.lasts.map_or(u64::MAX, |lasts| from_ns.saturating_add(lasts.ns));

@@ -22,8 +22,8 @@ use weights::{Others, Weights};
 pub(super) struct Unfit {
     pub(super) joint: String,
     pub(super) problem: Problem,
-    /// The homing fails at the stop for all positions of the other joints, or may cause damage there.
-    /// Otherwise, it may fail.
+    /// `true` if the homing fails at the stop for all positions of the other joints, or may cause damage
+    /// there. Otherwise, it may fail.
     pub(super) is_refused: bool,
 }
 
@@ -40,11 +40,11 @@ impl Problem {
     pub(super) fn advice(&self) -> &'static str {
         match self {
             Self::TooWeak(TooWeak { moment: Moment::OnTheWay, .. }) => {
-                "raise `effort`, begin from the other side, or home it later, by `order`, when the others take its weight off it"
+                "raise `effort`, start from the other side, or use `order` to home it later, when other joints support its weight"
             }
             Self::TooWeak(_) => "raise `effort`, or choose the stop at the other end",
             Self::TooHard(_) => {
-                "write a lower `velocity`, or set `energy` to what its stop and its gear withstand"
+                "write a lower `velocity`, or set `energy` to the energy that its stop and gear withstand"
             }
         }
     }
@@ -79,7 +79,7 @@ pub(super) struct TooWeak {
 }
 
 impl TooWeak {
-    /// Load that the effort has to overcome. Friction reduces it when the joint is held.
+    /// Returns the load that the effort has to overcome. Friction reduces it when the joint is held.
     fn load(&self) -> f64 {
         match self.moment {
             Moment::Holding => self.weight - self.friction,
@@ -236,7 +236,7 @@ impl<'a> Load<'a> {
         Some(self.unfit(Problem::TooWeak(weak), is_refused))
     }
 
-    /// Effort available before the joint counts as at rest.
+    /// Returns the effort available before the joint counts as at rest.
     fn moving(&self) -> f64 {
         self.effort * (1.0 - STILL)
     }

@@ -7,7 +7,7 @@ use motorium_robots::{JointKind, ProfileError};
 use super::Equipped;
 use crate::HomingBy;
 
-/// Limits and safe-state gains of every joint, in the order of the robot's joints.
+/// Returns the limits and safe-state gains of every joint, in the order of the robot's joints.
 pub(super) fn of_joints(equipped: &Equipped) -> Result<Vec<JointLimits>, ConfigError> {
     let Equipped { robot, table, order } = equipped;
     let (model, profile) = (&robot.model, robot.profile.as_ref());
@@ -41,8 +41,8 @@ pub(super) fn of_joints(equipped: &Equipped) -> Result<Vec<JointLimits>, ConfigE
     Ok(model.joint_names().iter().enumerate().map(joint).collect())
 }
 
-/// Lowest and highest position of each joint, and the margin beyond them within which its drive is still
-/// enabled: `margin`, or by default 0.05 rad and 5 mm.
+/// Returns the lowest and highest position of each joint, and the margin beyond them within which its drive
+/// is still enabled: `margin`, or by default 0.05 rad and 5 mm.
 pub(super) fn of_enabling(equipped: &Equipped, margin: Option<f64>) -> Vec<([f64; 2], f64)> {
     let model = &equipped.robot.model;
     let joint = |i: usize| {

@@ -47,7 +47,7 @@ impl Source<'_> {
         for (name, interface) in self.interfaces {
             let names: Vec<&str> = table.buses.iter().map(|bus| bus.name.as_str()).collect();
             let Some(index) = names.iter().position(|known| known == name) else {
-                let message = format!("no bus is named `{name}`; there is {}", names.join(", "));
+                let message = format!("no bus is named `{name}`; the buses are {}", names.join(", "));
                 return Err(
                     ConfigError::key("interfaces", message).advise("use the bus names of the drive table")
                 );
@@ -64,7 +64,7 @@ impl Source<'_> {
         let inline = !self.buses.is_empty() || !self.drives.is_empty();
         let Some(file) = self.file else {
             if !inline {
-                return Err(ConfigError::new("it has no drives")
+                return Err(ConfigError::new("the component has no drives")
                     .advise("name a drive table: `drives = \"FILE\"`, or write `bus` and `drive` here"));
             }
             let mut table =
@@ -134,7 +134,7 @@ fn pose(pose: motorium::declare::BasePose) -> motorium_robots::BasePose {
     motorium_robots::BasePose { position: pose.position, rpy: pose.rpy }
 }
 
-/// Component kinds of this crate, for a program that hosts them.
+/// Returns the component kinds of this crate, for registration in a host program.
 ///
 /// ```
 /// let names: Vec<_> = motorium_can::kinds().iter().map(|kind| kind.name).collect();

@@ -78,7 +78,7 @@ pub(super) enum News {
     Report(Report, u8),
 }
 
-/// Status change in a topic frame; `None` for a data frame.
+/// Returns the status change in a topic frame; `None` for a data frame.
 pub(super) fn news_of(frame: &CanFrame) -> Option<News> {
     let data = frame.data.first_chunk::<8>()?;
     match (frame.flags & CanFrame::ERROR != 0, frame.length) {

@@ -16,31 +16,31 @@ pub struct Device {
 pub enum DeviceKind {
     /// Damiao drive with readable settings.
     Damiao {
-        /// Identifier of its answers.
+        /// Identifier of the drive's answers.
         master: u16,
         /// Watchdog, ns, 0 for off; `None` if not read.
         watchdog_ns: Option<u64>,
-        /// Limits of its ranges: position (rad), velocity (rad/s), torque (N m); `None` for each limit that
-        /// was not read.
+        /// Limits of the ranges: position (rad), velocity (rad/s), torque (N m); `None` for a limit that was
+        /// not read.
         ranges: [Option<f64>; 3],
     },
     /// ODrive, found by the axis state and errors in its heartbeat.
     Odrive {
-        /// State of the axis: 1 idle, 8 closed loop.
+        /// State of the axis, such as 1 for idle and 8 for closed loop.
         state: u8,
         /// Errors of the axis.
         errors: u32,
     },
     /// CANopen node, found by the state in its heartbeat.
     CanOpen {
-        /// State: 0 boot-up, 4 stopped, 5 operational, 127 pre-operational.
+        /// State of the node: 0 boot-up, 4 stopped, 5 operational, 127 pre-operational.
         state: u8,
     },
-    /// moteus, which reports its state.
+    /// moteus drive, found by its answer to a query.
     Moteus {
-        /// Name of its mode.
+        /// Name of the active mode.
         mode: String,
-        /// Position reference, if it is reported.
+        /// Position reference; `None` if not reported.
         home: Option<PositionReference>,
         /// Fault code.
         fault: u8,

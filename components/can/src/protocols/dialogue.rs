@@ -51,7 +51,7 @@ pub(crate) enum Response {
 /// Each cycle the adapter calls [`write`](Self::write) with its order, and [`read`](Self::read) with each
 /// frame of the drive.
 pub(crate) trait Dialogue {
-    /// Number of settings checked before the drive is enabled.
+    /// Returns the number of settings checked before the drive is enabled.
     fn checks(&self) -> u8 {
         0
     }
@@ -64,18 +64,19 @@ pub(crate) trait Dialogue {
         true
     }
 
-    /// Period of a drive that reports unsolicited; `None` for one that answers commands.
+    /// Returns the period of a drive that reports unsolicited; `None` for one that answers commands.
     fn reports_every_ns(&self) -> Option<u64> {
         None
     }
 
-    /// Maximum time between two heartbeats, or between two state messages of a drive whose answers lack the
-    /// state, ns.
+    /// Returns the maximum time between two heartbeats, or between two state messages of a drive whose
+    /// answers lack the state, ns.
     fn state_within_ns(&self) -> Option<u64> {
         None
     }
 
-    /// Form of the drive's frames, and number of bytes in the shortest command and in the shortest answer.
+    /// Returns the form of the drive's frames, and number of bytes in the shortest command and in the
+    /// shortest answer.
     fn shortest(&self) -> (Form, usize, usize);
 
     /// Sets the time between two cycles, ns.
@@ -93,7 +94,7 @@ pub(crate) trait Dialogue {
     /// Starts the search for the mark, in a drive with a homing procedure.
     fn begin_homing(&mut self) {}
 
-    /// Result of the drive's own homing, once it has finished.
+    /// Returns the result of the drive's own homing, once it has finished.
     fn homing_result(&self) -> Option<Result<(), HomingFault>> {
         None
     }
@@ -113,12 +114,12 @@ pub(crate) trait Dialogue {
     /// Writes the frames that synchronise all such drives of a bus, after the drives' own frames.
     fn synchronise(&self, _frames: &mut Vec<Frame>) {}
 
-    /// Member of a serial line whose drives are written and queried together.
+    /// Returns the drive as a member of a serial line whose drives are written and queried together.
     fn member(&self) -> Option<&dyn Member> {
         None
     }
 
-    /// Mutable access to [`member`](Self::member).
+    /// Returns mutable access to [`member`](Self::member).
     fn member_mut(&mut self) -> Option<&mut dyn Member> {
         None
     }
@@ -143,13 +144,13 @@ pub(crate) struct Layout {
 
 /// Member of a serial line. One packet writes the goals of all members, one packet queries all of them.
 pub(crate) trait Member {
-    /// Number of the servo.
+    /// Returns the number of the servo.
     fn number(&self) -> u8;
 
-    /// Registers of all members of the line.
+    /// Returns the registers of all members of the line.
     fn layout(&self) -> &'static Layout;
 
-    /// Index in [`Layout::read`] of the block to read for an order.
+    /// Returns the index in [`Layout::read`] of the block to read for an order.
     fn block(&self, order: &Order) -> usize;
 
     /// Writes the registers that an order requires. Passes the index of each block in [`Layout::written`],
@@ -186,15 +187,15 @@ impl Motion {
         }
     }
 
-    /// Velocity setpoint for a command at the newest state: the commanded velocity plus the velocity at which
-    /// the drive's own loop would approach the commanded position.
+    /// Returns the velocity setpoint for a command at the newest state: the commanded velocity plus the
+    /// velocity at which the drive's own loop would approach the commanded position.
     pub(crate) fn velocity(&self, command: &Command, gains: LoopEntry, ranges: &Ranges) -> f64 {
         let towards =
             if command.kp > 0.0 { gains.kp / gains.kd * (command.position - self.position) } else { 0.0 };
         (command.velocity + towards).clamp(ranges.velocity.min, ranges.velocity.max)
     }
 
-    /// Torque for a command at the newest state.
+    /// Returns the torque for a command at the newest state.
     pub(crate) fn torque(&self, command: &Command, ranges: &Ranges) -> f64 {
         command.torque_at(self.position, self.velocity).clamp(ranges.torque.min, ranges.torque.max)
     }

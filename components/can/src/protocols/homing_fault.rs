@@ -5,11 +5,11 @@
 pub enum HomingFault {
     /// The timeout expired.
     #[error(
-        "the mark was not found in time: does its switch work, is the way there free, is `timeout` long enough?"
+        "the mark was not found in time: does its switch work, is the path to it free, is `timeout` long enough?"
     )]
     TimedOut,
     /// The drive reported a failure.
-    #[error("the drive reports that homing failed: is its switch stuck, or its method wrong?")]
+    #[error("the drive reports that homing failed: is its switch stuck, or the method wrong?")]
     Drive,
     /// The drive ended the homing before it was observed running.
     #[error("the drive reported the end of homing before its start: is homing configured in the drive?")]
@@ -21,17 +21,17 @@ pub enum HomingFault {
     #[error("the drive refuses an object of its homing: code 0x{0:08X}")]
     Refused(u32),
     /// The joint did not move off its stop.
-    #[error("it does not move away from the stop: is it jammed, or is its brake engaged?")]
+    #[error("the joint does not move away from the stop: is it jammed, or is its brake engaged?")]
     Jammed,
     /// The joint came to rest at two different positions.
-    #[error("its stop was found at two positions, {0:.4} apart: is there a soft obstacle?")]
+    #[error("the stop was found at two positions, {0:.4} rad or m apart: is there a soft obstacle?")]
     Ambiguous(f64),
     /// The joint moved back when half of the effort held it at the stop.
     #[error(
-        "it does not stay at rest with half of `effort`: did its weight stop it, instead of a mechanical stop?"
+        "the joint does not stay at rest with half of `effort`: was it stopped by its weight instead of a mechanical stop?"
     )]
     Balanced,
     /// The joint moved much faster than commanded.
-    #[error("it moves {0:.1} times as fast as commanded: does its load pull it?")]
+    #[error("the joint moves {0:.1} times as fast as commanded: is it pulled by its load?")]
     Runaway(f64),
 }

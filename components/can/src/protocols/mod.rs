@@ -163,18 +163,18 @@ impl Protocol {
         }
     }
 
-    /// Definition of the protocol.
+    /// Returns the definition of the protocol.
     pub(crate) fn definition(self) -> &'static dyn DriveProtocol {
         each!(Family, self.family(), rules => rules)
     }
 
-    /// Specification of the protocol.
+    /// Returns the specification of the protocol.
     pub(crate) fn spec(self) -> &'static Spec {
         self.definition().spec()
     }
 }
 
-/// Definitions of all protocols.
+/// Returns the definitions of all protocols.
 pub(crate) fn definitions() -> impl Iterator<Item = &'static dyn DriveProtocol> {
     Protocol::ALL.into_iter().map(Protocol::definition)
 }
@@ -282,7 +282,7 @@ impl Dialogue for AnyDialogue {
     }
 }
 
-/// Codec of an MIT drive; `None` for other protocols.
+/// Returns the codec of an MIT drive; `None` for other protocols.
 pub(crate) fn mit_codec(setup: &DriveSetup<'_>) -> Option<mit::codec::Drive> {
     match setup.entry.protocol.family() {
         Family::Mit(rules) => Some(rules.codec(setup)),
@@ -296,15 +296,16 @@ impl DriveEntry {
         self.homing.is_some() && self.protocol.spec().homing.moves
     }
 
-    /// Objects written for the homing, with index, subindex and number; empty without a CiA 402 homing.
+    /// Returns the objects written for the homing, each with index, subindex and value; empty without a CiA
+    /// 402 homing.
     ///
-    /// Velocities are increments of the drive per second.
+    /// Velocities are in increments of the drive per second.
     pub fn homing_registers(&self) -> Vec<(u16, u8, i64)> {
         self.protocol.definition().homing_registers(self)
     }
 
-    /// Ranges of the drive. The torque is limited by its current limit, and for moteus, the gains are limited
-    /// to the gains of its own loop.
+    /// Returns the ranges of the drive. The torque is limited by its current limit, and for moteus, the gains
+    /// are limited to the gains of its own loop.
     pub(crate) fn limited_ranges(&self) -> Ranges {
         let (protocol, ranges) = (self.protocol.definition(), self.ranges.ranges());
         // an invalid current limit is refused elsewhere

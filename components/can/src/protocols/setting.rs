@@ -2,19 +2,19 @@
 
 use crate::drive::PositionReference;
 
-/// Setting of a drive that differs from the table.
+/// Setting of a drive that differs from the drive table.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum WrongSetting {
-    /// Watchdog, ns; `None` for off.
-    #[error("its watchdog is {}, the table says {} ms", ms(*.found), *.expected as f64 / 1e6)]
+    /// The watchdog time differs, ns; `None` for off.
+    #[error("the watchdog is {}, but the drive table has {} ms", ms(*.found), *.expected as f64 / 1e6)]
     Watchdog {
         /// Value in the drive.
         found: Option<u64>,
         /// Value in the table.
         expected: u64,
     },
-    /// Limit of a range.
-    #[error("its {register} is {found}, the table says {expected}")]
+    /// The limit of a range differs.
+    #[error("{register} is {found}, but the drive table has {expected}")]
     Range {
         /// Register.
         register: &'static str,
@@ -23,19 +23,19 @@ pub enum WrongSetting {
         /// Value in the table.
         expected: f64,
     },
-    /// Control mode.
-    #[error("its control mode ({register}) is {found}, expected {expected}")]
+    /// The drive is in another control mode.
+    #[error("the control mode ({register}) is {found}, expected {expected}")]
     ControlMode {
         /// Value in the drive.
         found: i64,
         /// Value that the adapter requires.
         expected: i64,
-        /// Register or object that holds the mode.
+        /// Register or object that contains the mode.
         register: &'static str,
     },
-    /// Position before the drive is enabled, rad or m.
+    /// Before the drive is enabled, the joint is outside of its range, rad or m.
     #[error(
-        "it reads {found:.3}, outside the range of the joint, {lower:.3} to {upper:.3} (margin {margin}): {}",
+        "the joint reads {found:.3} rad or m, outside its range of {lower:.3} to {upper:.3} (margin {margin}): {}",
         correction(*turns)
     )]
     Position {
@@ -50,41 +50,43 @@ pub enum WrongSetting {
         /// Value of `turns` in the drive table that would shift the reading into the range, if there is one.
         turns: Option<i32>,
     },
-    /// Current limit, in units of the drive's register.
-    #[error("its current limit is {found}, the table says {expected}, in units of its register")]
+    /// The current limit differs, in units of the drive's register.
+    #[error(
+        "the current limit is {found}, but the drive table has {expected}, in units of the drive's register"
+    )]
     CurrentLimit {
         /// Value in the drive.
         found: f64,
         /// Value in the table.
         expected: f64,
     },
-    /// Homing offset of a servo, steps.
-    #[error("its homing offset is {found} steps, the table says {expected}")]
+    /// The homing offset of a servo differs, steps.
+    #[error("the homing offset is {found} steps, but the drive table has {expected}")]
     HomingOffset {
         /// Value in the servo.
         found: i32,
         /// Value in the table.
         expected: i32,
     },
-    /// Rated torque, the base of torques in thousandths, N m.
-    #[error("its rated torque is {found} N m, the table says {expected}")]
+    /// The rated torque, the base of torques in thousandths, differs, N m.
+    #[error("the rated torque is {found} N m, but the drive table has {expected} N m")]
     RatedTorque {
         /// Value in the drive.
         found: f64,
         /// Value in the table.
         expected: f64,
     },
-    /// Rated current, the base of currents in thousandths, A.
-    #[error("its rated current is {found} A, the table says {expected}")]
+    /// The rated current, the base of currents in thousandths, differs, A.
+    #[error("the rated current is {found} A, but the drive table has {expected} A")]
     RatedCurrent {
         /// Value in the drive.
         found: f64,
         /// Value in the table.
         expected: f64,
     },
-    /// Position reference.
+    /// The position reference is insufficient.
     #[error(
-        "its position reference is {found}, expected {expected}: give the joint a `homing`, set the position in the drive (`d exact`, `d nearest`), or write `reference`"
+        "the position reference is {found}, expected {expected}: give the joint a `homing`, set the position in the drive (`d exact`, `d nearest`), or write `reference`"
     )]
     Reference {
         /// Reference of the drive.
@@ -92,25 +94,25 @@ pub enum WrongSetting {
         /// Reference that the table requires.
         expected: PositionReference,
     },
-    /// Operating mode of a servo.
-    #[error("its operating mode is {found}, expected {expected} (position control)")]
+    /// A servo is in another operating mode.
+    #[error("the operating mode is {found}, expected {expected} (position control)")]
     OperatingMode {
         /// Value in the servo.
         found: u8,
         /// Mode in which the servo follows positions.
         expected: u8,
     },
-    /// Position limits of a servo's goals, rad.
-    #[error("its goals end at {:.3} and {:.3} rad, the table has positions up to {expected}", .found[0], .found[1])]
+    /// The limits of a servo's goals are narrower than the table's positions, rad.
+    #[error("the goal limits are {:.3} and {:.3} rad, but the drive table has positions up to {expected} rad", .found[0], .found[1])]
     Goals {
         /// Limits in the servo.
         found: [f64; 2],
-        /// Largest position of the table.
+        /// Largest position in the table.
         expected: f64,
     },
-    /// Read-only process data with a different mapping.
+    /// Read-only process data have a different mapping.
     #[error(
-        "the object 0x{index:04X} maps 0x{found:08X}, expected 0x{expected:08X}, but its data sheet declares it read-only"
+        "the object 0x{index:04X} maps 0x{found:08X}, expected 0x{expected:08X}, but the data sheet declares the object read-only"
     )]
     Mapping {
         /// Index of the object.
@@ -120,8 +122,8 @@ pub enum WrongSetting {
         /// Mapping that the adapter requires.
         expected: u32,
     },
-    /// An object that the drive refuses or lacks.
-    #[error("it refuses the object 0x{index:04X}: code 0x{code:08X}")]
+    /// The drive refuses or lacks an object.
+    #[error("the drive refuses the object 0x{index:04X}: code 0x{code:08X}")]
     Refused {
         /// Index of the object.
         index: u16,
@@ -130,12 +132,14 @@ pub enum WrongSetting {
     },
 }
 
-/// Advice on how to correct a position outside of the joint's range.
+/// Returns advice on how to correct a position outside of the joint's range.
 fn correction(turns: Option<i32>) -> String {
     let always =
         "move the joint into its range, give the drive a `homing`, or correct `offset` in the drive table";
     match turns {
-        Some(turns) => format!("{always}; if it is whole turns away, write `turns = {turns}` there"),
+        Some(turns) => {
+            format!("{always}; if the reading is off by whole turns, write `turns = {turns}` there")
+        }
         None => always.to_string(),
     }
 }

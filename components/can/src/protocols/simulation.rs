@@ -6,13 +6,13 @@ use crate::frame::{Frame, Id};
 
 /// Simulated drive of one protocol, at the other end of the wire.
 pub(crate) trait Simulated: Debug + Send {
-    /// Motor of the drive.
+    /// Returns the motor of the drive.
     fn motor(&self) -> &Motor;
 
-    /// Mutable access to the motor.
+    /// Returns mutable access to the motor.
     fn motor_mut(&mut self) -> &mut Motor;
 
-    /// Identifiers of the frames that the drive receives.
+    /// Returns the identifiers of the frames that the drive receives.
     fn ids(&self) -> Vec<Id>;
 
     /// Receives a frame on the bus at `now_ns`, and passes each answer frame to `answer`.
@@ -48,23 +48,24 @@ pub(crate) trait Simulated: Debug + Send {
         }
     }
 
-    /// Number of watchdog trips.
+    /// Returns the number of watchdog trips.
     fn watchdog_trips(&self) -> u64;
 }
 
 /// Settings of a simulated drive that differ from the table.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Overrides {
-    /// Watchdog time, ns; 0 for off.
+    /// Watchdog time, ns; 0 for off, `None` for the table's.
     pub watchdog_ns: Option<u64>,
-    /// Largest torque of its range, or its rated torque, N m.
+    /// Largest torque of the drive's range, or its rated torque, N m; `None` for the table's.
     pub torque: Option<f64>,
 }
 
-/// Mark of a simulated drive whose position is unknown after power-up, such as a switch.
+/// Behaviour of the homing mark, such as a switch, of a simulated drive whose position is unknown after
+/// power-up.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Mark {
-    /// The mark works.
+    /// The mark is detected at its position.
     #[default]
     Works,
     /// The mark is never found.
@@ -149,7 +150,7 @@ impl Motor {
         self.torque
     }
 
-    /// Encoder reading with the shaft at this position, rad.
+    /// Returns the encoder reading with the shaft at this position, rad.
     pub(crate) fn encoder(&mut self, shaft: f64) -> f64 {
         match self.zero {
             Zero::Absolute => shaft,
@@ -168,7 +169,7 @@ impl Motor {
         }
     }
 
-    /// Position of the shaft, rad.
+    /// Returns the position of the shaft, rad.
     pub(crate) fn shaft(&self) -> f64 {
         match self.zero {
             Zero::At(zero) => self.position + zero,

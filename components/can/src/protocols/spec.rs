@@ -22,7 +22,7 @@ pub(crate) struct Spec {
     pub(crate) frames: Frames,
     /// Valid node numbers.
     pub(crate) nodes: RangeInclusive<u8>,
-    /// Drives of other protocols may share the bus.
+    /// `true` if drives of other protocols may share the bus.
     pub(crate) shares_bus: bool,
     /// Number of bytes per drive in the common answer to a fast read; `None` without fast reads.
     pub(crate) fast_answer: Option<usize>,
@@ -34,7 +34,7 @@ pub(crate) struct Spec {
     pub(crate) current_limit: CurrentLimit,
     /// Commands whose gains and efforts reach the drive.
     pub(crate) gains: Gains,
-    /// The drive follows velocities in one of its modes.
+    /// `true` if the drive follows velocities in one of its modes.
     pub(crate) has_velocity_mode: bool,
     /// Homing by the drive.
     pub(crate) homing: OwnHoming,
@@ -73,7 +73,7 @@ pub(crate) enum Frames {
 }
 
 impl Frames {
-    /// Form on a bus with or without a bitrate for CAN FD.
+    /// Returns the form on a bus with or without a bitrate for CAN FD.
     pub(crate) fn form(self, is_fd: bool) -> Form {
         match self {
             Self::Packet => Form::Packet,
@@ -117,9 +117,9 @@ pub(crate) enum Gains {
 /// Homing by a drive.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct OwnHoming {
-    /// The drive supports it.
+    /// `true` if the drive supports it.
     pub(crate) is_supported: bool,
-    /// The joint moves. Otherwise, only an offset stored in the drive is compared.
+    /// `true` if the joint moves. Otherwise, only an offset stored in the drive is compared.
     pub(crate) moves: bool,
     /// Keys of its entry.
     pub(crate) keys: &'static [&'static str],
@@ -136,8 +136,8 @@ pub(crate) const THOUSANDTHS: f64 = 32.767;
 pub(crate) fn beyond(name: &str, value: f64, unit: &str, most: f64, field: &str) -> Result<(), Refusal> {
     if value > most {
         return Err((
-            format!("a {name} of {value} {unit}, but {field} is limited to {most:.2}"),
-            "write what the drive reaches within it: `ranges` refer to the output shaft of the drive",
+            format!("the {name} is {value} {unit}, but {field} is limited to {most:.2}"),
+            "write the largest value that the drive reaches within this limit: `ranges` refer to its output shaft",
         ));
     }
     Ok(())
@@ -147,8 +147,8 @@ pub(crate) fn beyond(name: &str, value: f64, unit: &str, most: f64, field: &str)
 pub(crate) fn require_current_limit(entry: &DriveEntry) -> Result<(), Refusal> {
     if entry.current_limit.is_none() {
         return Err((
-            "a homing by the drive without `current_limit`".into(),
-            "write the largest current: no command gate limits a drive that homes itself",
+            "a homing by the drive requires `current_limit`".into(),
+            "write the largest current: the command gate does not limit a drive that homes itself",
         ));
     }
     Ok(())
@@ -164,17 +164,17 @@ pub(crate) struct DriveSetup<'a> {
     pub(crate) gains: LoopEntry,
     /// Form of its frames.
     pub(crate) form: Form,
-    /// All drives on its bus answer together.
+    /// `true` if all drives on its bus answer together.
     pub(crate) fast_read: bool,
 }
 
 impl DriveSetup<'_> {
-    /// Shape of a frame to or from the drive with this number of bytes and an 11-bit identifier.
+    /// Returns the shape of a frame to or from the drive with this number of bytes and an 11-bit identifier.
     pub(crate) fn shape(&self, bytes: usize) -> Shape {
         Shape { extended: false, form: self.form, bytes }
     }
 
-    /// Watchdog of the simulated drive, ns; `None` for off.
+    /// Returns the watchdog of the simulated drive, ns; `None` for off.
     pub(crate) fn watchdog_ns(&self, overrides: Overrides) -> Option<u64> {
         Some(overrides.watchdog_ns.unwrap_or(self.entry.watchdog.ns)).filter(|ns| *ns > 0)
     }
@@ -184,7 +184,7 @@ impl DriveSetup<'_> {
 ///
 /// A table checks the rules that follow from [`spec`](Self::spec), and calls the `check` functions.
 pub(crate) trait DriveProtocol: Sync {
-    /// Properties of the protocol.
+    /// Returns the properties of the protocol.
     fn spec(&self) -> &Spec;
 
     /// Refuses a bus or ranges that the frames of the protocol do not support.
@@ -221,7 +221,7 @@ pub(crate) trait DriveProtocol: Sync {
         Ok(())
     }
 
-    /// Torque at the current limit, N m; `None` without a limit.
+    /// Returns the torque at the current limit, N m; `None` without a limit.
     fn torque_of_current(&self, entry: &DriveEntry) -> Option<f64> {
         Some(entry.current_limit? * entry.torque_constant?)
     }
@@ -231,17 +231,18 @@ pub(crate) trait DriveProtocol: Sync {
         ranges
     }
 
-    /// Largest velocity gain of a command, N m s/rad.
+    /// Returns the largest velocity gain of a command, N m s/rad.
     fn largest_damping(&self, _entry: &DriveEntry) -> f64 {
         f64::INFINITY
     }
 
-    /// Objects that the adapter writes for a homing by the drive: index, subindex, number.
+    /// Returns the objects that the adapter writes for a homing by the drive: index, subindex, number.
     fn homing_registers(&self, _entry: &DriveEntry) -> Vec<(u16, u8, i64)> {
         Vec::new()
     }
 
-    /// Identifiers of a drive's commands and of its answers, on a bus shared by several protocols.
+    /// Returns the identifiers of a drive's commands and of its answers, on a bus shared by several
+    /// protocols.
     fn identifiers(&self, _setup: &DriveSetup<'_>) -> Option<(Id, Id)> {
         None
     }
@@ -251,12 +252,12 @@ pub(crate) trait DriveProtocol: Sync {
         false
     }
 
-    /// Classic frames to which drives answer with their settings, without side effects.
+    /// Returns the classic frames to which drives answer with their settings, without side effects.
     fn requests(&self) -> Vec<Frame> {
         Vec::new()
     }
 
-    /// CAN FD frames to which drives answer with their settings, without side effects.
+    /// Returns the CAN FD frames to which drives answer with their settings, without side effects.
     fn fd_requests(&self) -> Vec<Frame> {
         Vec::new()
     }
@@ -276,15 +277,15 @@ pub(crate) trait DriveProtocol: Sync {
         false
     }
 
-    /// Shapes of the command and the answer of a cycle.
+    /// Returns the shapes of the command and the answer of a cycle.
     fn exchange(&self, setup: &DriveSetup<'_>) -> (Shape, Shape);
 
-    /// Shapes of additional frames of the drive in a cycle.
+    /// Returns the shapes of additional frames of the drive in a cycle.
     fn additional_frames(&self, _setup: &DriveSetup<'_>) -> Vec<Shape> {
         Vec::new()
     }
 
-    /// Shapes of the frames that all drives of a bus share in a cycle.
+    /// Returns the shapes of the frames that all drives of a bus share in a cycle.
     fn bus_frames(&self) -> Vec<Shape> {
         Vec::new()
     }

@@ -9,7 +9,7 @@ pub const FAST_HEAD: usize = 8;
 /// Overhead of a share, bytes: error, number and checksum.
 pub const FAST_AROUND: usize = 4;
 
-/// Turn of a servo in the common packet.
+/// Position of a servo in the answer order of a common packet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FastTurn {
     /// The servo starts the packet.
@@ -19,12 +19,13 @@ pub enum FastTurn {
     },
     /// Other servos have already answered.
     After {
-        /// Checksum of all their bytes: [`fast_sum`].
+        /// Checksum of all bytes of the previous servos, computed by [`fast_sum`].
         sum: u16,
     },
 }
 
-/// Checksum of a common packet after these bytes; `sum` is 0 before its first byte.
+/// Returns the checksum of a common packet after adding `bytes`. `sum` is the checksum of the bytes before
+/// them, 0 at the start of the packet.
 pub fn fast_sum(sum: u16, bytes: &[u8]) -> u16 {
     crc_from(sum, bytes)
 }
@@ -65,7 +66,8 @@ pub fn write_fast_status(
     Some(out.length)
 }
 
-/// Reader of common packets, share by share. It also returns the shares before a missing or damaged one.
+/// Reader of common packets. It returns each servo's share as soon as it is complete, including the shares
+/// before a missing or damaged one.
 ///
 /// ```
 /// use motorium_can::servo::FastReader;
@@ -97,7 +99,7 @@ impl Default for FastReader {
 }
 
 impl FastReader {
-    /// Prepares for an answer with `count` bytes per servo.
+    /// Prepares for a common packet with `count` data bytes per servo.
     pub fn expect(&mut self, count: u8) {
         (self.length, self.next, self.count) = (0, 0, count.into());
     }
@@ -114,10 +116,11 @@ impl FastReader {
         }
     }
 
-    /// Returns the next complete share.
+    /// Returns the next servo's complete share; `None` if more bytes are needed.
     ///
-    /// # Errors Returns an error if the packet is not such an answer, or if the checksum is wrong, and
-    /// discards the rest of the packet.
+    /// # Errors
+    /// Returns an error if the packet is not a common packet with `count` data bytes per servo, or if the
+    /// checksum is wrong. The remaining bytes of the packet are discarded.
     #[allow(clippy::should_implement_trait)] // a share borrows the reader
     pub fn next(&mut self) -> Option<Result<Status<'_>, DecodeError>> {
         if self.next == 0 {

@@ -1,8 +1,8 @@
 //! Packets of serial servo buses: Feetech (STS and SCS) and Dynamixel protocol 1.0, Dynamixel protocol 2.0.
 //!
 //! A servo is a table of registers. One packet can read or write the registers of one servo or of many. All
-//! servos share one line and answer when queried. Packets of both protocols may share a line: [`Reader`]
-//! reads either.
+//! servos share one line and answer when queried. Packets of both protocols may share a line; [`Reader`]
+//! supports both.
 
 mod fast;
 mod packet;
@@ -11,7 +11,7 @@ use crate::frame::DecodeError;
 pub use fast::{FAST_AROUND, FAST_HEAD, FastReader, FastTurn, fast_sum, write_fast_status};
 pub use packet::Packet;
 
-/// Broadcast number.
+/// Servo number that addresses all servos.
 pub const EVERYBODY: u8 = 0xfe;
 /// Length of the longest supported packet, bytes.
 pub const LONGEST: usize = 256;
@@ -28,7 +28,7 @@ pub enum Protocol {
 /// Request to servos.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Instruction<'a> {
-    /// Answer without data.
+    /// Request an answer without data.
     Ping,
     /// Read `count` bytes starting at this register.
     Read {
@@ -105,7 +105,7 @@ impl Writer<'_> {
     }
 }
 
-/// Writes a packet for a servo. Returns the number of bytes; `None` if they do not fit into a packet.
+/// Writes an instruction packet for a servo. Returns the length of the packet; `None` if the data do not fit.
 ///
 /// ```
 /// use motorium_can::servo::{Instruction, LONGEST, Protocol, write};
@@ -218,12 +218,12 @@ fn end(protocol: Protocol, mut out: Writer<'_>) -> Option<usize> {
     Some(out.length)
 }
 
-/// Inverted lowest eight bits of the sum of the bytes.
+/// Returns the inverted lowest eight bits of the sum of the bytes.
 fn checksum(bytes: &[u8]) -> u8 {
     !bytes.iter().fold(0, |sum: u8, byte| sum.wrapping_add(*byte))
 }
 
-/// 16-bit checksum with the polynomial 0x8005, highest bit first.
+/// Returns the 16-bit checksum with the polynomial 0x8005, highest bit first.
 fn crc(bytes: &[u8]) -> u16 {
     crc_from(0, bytes)
 }
@@ -249,11 +249,11 @@ pub struct Status<'a> {
     pub servo: u8,
     /// Error flags; 0 for none.
     pub error: u8,
-    /// Requested bytes.
+    /// Bytes read from the servo; empty for other answers.
     pub data: &'a [u8],
 }
 
-/// Reader of answers, byte by byte. Bytes outside of packets are skipped.
+/// Reader of answers that processes one byte at a time. Bytes outside of packets are skipped.
 #[derive(Clone, Debug)]
 pub struct Reader {
     bytes: [u8; LONGEST],
@@ -267,10 +267,10 @@ impl Default for Reader {
 }
 
 impl Reader {
-    /// Appends a byte. Returns the answer that it completes, if any.
+    /// Appends a byte. Returns the answer completed by this byte; `None` if no answer is complete.
     ///
-    /// # Errors Returns an error if the byte completes a packet that has a wrong checksum or is not an
-    /// answer.
+    /// # Errors
+    /// Returns an error if the byte completes a packet that has a wrong checksum or is not an answer.
     pub fn push(&mut self, byte: u8) -> Option<Result<Status<'_>, DecodeError>> {
         let (protocol, whole) = self.end(byte)?;
         Some(match protocol {
@@ -325,7 +325,7 @@ impl Reader {
         }
     }
 
-    /// Protocol and total length of the current packet, once they are known.
+    /// Returns the protocol and total length of the current packet, once they are known.
     fn whole(&self) -> Option<(Protocol, usize)> {
         match &self.bytes[..self.length] {
             [0xff, 0xff, 0xfd, 0, _, low, high, ..] => {

@@ -1,4 +1,4 @@
-//! Whole packets: answers received by the adapter, and instructions received by a servo.
+//! Complete packets: answers received by the adapter, and instructions received by a servo.
 
 use super::{
     FAST_READ_MANY, Instruction, LONGEST, PING, Protocol, READ, READ_MANY, Status, WRITE, WRITE_MANY,
@@ -6,7 +6,7 @@ use super::{
 };
 use crate::frame::DecodeError;
 
-/// Bytes of one packet, which can be unstuffed in place.
+/// Buffer for one complete packet, decoded in place.
 ///
 /// ```
 /// use motorium_can::servo::Packet;

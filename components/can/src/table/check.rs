@@ -50,8 +50,8 @@ fn check_bus(bus: &BusEntry, before: &[BusEntry]) -> Result<(), Refusal> {
     let is_serial = bus.kind == BusKind::Serial;
     let is_plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-');
     if bus.name.is_empty() || !bus.name.chars().all(is_plain) {
-        let message = format!("a bus named {:?}", bus.name);
-        return Err((message, "use letters, digits, `_` and `-`: its ports are named after it"));
+        let message = format!("the bus name {:?} is invalid", bus.name);
+        return Err((message, "use letters, digits, `_` and `-`: the ports of the bus contain its name"));
     }
     let speeds = if is_serial { 9_600..=4_000_000 } else { 10_000..=1_000_000 };
     if !speeds.contains(&bus.bitrate) {
@@ -59,40 +59,40 @@ fn check_bus(bus: &BusEntry, before: &[BusEntry]) -> Result<(), Refusal> {
             true => "write bits per second, 9600 to 4000000",
             false => "write bits per second, 10000 to 1000000",
         };
-        return refuse(&format!("a bitrate of {}", bus.bitrate), advice);
+        return refuse(&format!("the bitrate is {} bit/s", bus.bitrate), advice);
     }
     if bus.data_bitrate.is_some() && is_serial {
-        return refuse("a data bitrate on a serial line", "leave `data_bitrate` out");
+        return refuse("a serial line has no data bitrate", "leave `data_bitrate` out");
     }
     if bus.data_bitrate.is_some_and(|fast| fast < bus.bitrate || fast > 8_000_000) {
         let advice = "write bits per second, from `bitrate` to 8000000";
-        return refuse("a data bitrate that is below `bitrate` or too high", advice);
+        return refuse("the data bitrate is below `bitrate` or above 8000000 bit/s", advice);
     }
     if let Some(place) = bus.interface.as_deref().and_then(Place::from_interface) {
         check_place(bus, place)?;
     } else if let Some(interface) = &bus.interface {
         let is_path = interface.starts_with('/');
         if is_serial && !is_path {
-            let message = format!("a serial line named {interface:?}");
+            let message = format!("the serial line {interface:?} is not a path");
             return refuse(&message, "write its path, such as `/dev/ttyACM0`");
         }
         if interface.is_empty() || (interface.len() > 15 && !is_path) {
-            let advice = "name one as `ip link` does: 1 to 15 letters; or a serial line: `/dev/ttyACM0`";
-            return refuse(&format!("an interface named {interface:?}"), advice);
+            let advice = "write the name of an interface as in `ip link` (1 to 15 letters), or the path of a serial line, such as `/dev/ttyACM0`";
+            return refuse(&format!("the interface name {interface:?} is invalid"), advice);
         }
     }
     if before.iter().any(|other| bus.interface.is_some() && other.interface == bus.interface) {
-        return refuse("another bus has its interface", "give each bus its own interface");
+        return refuse("another bus has the same interface", "give each bus its own interface");
     }
     if before.first().is_some_and(|first| first.interface.is_some() != bus.interface.is_some()) {
-        let advice = "give all of them an `interface`, or none";
-        return refuse("simulated buses and real ones in one table", advice);
+        let advice = "give all buses an `interface`, or none";
+        return refuse("the table contains both simulated and real buses", advice);
     }
     let is_offered =
         |bus: &BusEntry| bus.interface.as_deref().is_some_and(|name| Place::from_interface(name).is_some());
     if before.first().is_some_and(|first| is_offered(first) != is_offered(bus)) {
-        let advice = "give all of them the address of a simulated bus (`unix:`, `pty:`), or none";
-        return refuse("simulated buses and interfaces of the computer in one table", advice);
+        let advice = "give all buses the address of a simulated bus (`unix:`, `pty:`), or none";
+        return refuse("the table contains both simulated buses and interfaces of the computer", advice);
     }
     if before.iter().any(|other| other.name == bus.name) {
         return Err((format!("bus `{}` is defined twice", bus.name), "name each bus once"));
@@ -107,12 +107,12 @@ fn check_place(bus: &BusEntry, place: Place<'_>) -> Result<(), Refusal> {
         Place::Socket(name)
             if name.is_empty() || name.len() > 60 || !name.bytes().all(|c| c.is_ascii_graphic()) =>
         {
-            refuse(&format!("a socket named {name:?}"), "write `unix:NAME`, with 1 to 60 letters")
+            refuse(&format!("the socket name {name:?} is invalid"), "write `unix:NAME`, with 1 to 60 letters")
         }
         Place::Terminal(path) if !path.starts_with('/') => {
             let advice =
                 "write `pty:PATH`, with the absolute path of the link to create, such as `pty:/tmp/can0`";
-            refuse(&format!("a terminal at {path:?}"), advice)
+            refuse(&format!("the terminal {path:?} is not an absolute path"), advice)
         }
         _ => Ok(()),
     }
@@ -127,7 +127,7 @@ fn check_protocols(table: &Table, bus: &BusEntry) -> Result<(), Refusal> {
         && !(first.protocol.spec().shares_bus && other.protocol.spec().shares_bus)
     {
         let message = format!(
-            "bus `{}`: drives of {:?} and {:?}, which do not share a bus",
+            "bus `{}`: drives of {:?} and {:?} cannot share a bus",
             bus.name, first.protocol, other.protocol
         );
         return Err((
@@ -144,12 +144,12 @@ fn check_protocols(table: &Table, bus: &BusEntry) -> Result<(), Refusal> {
         let (message, servos) = (format!("bus `{}`: a fast read", bus.name), on_bus().count());
         let Some(answer) = first.protocol.spec().fast_answer else {
             let advice = "leave `fast_read` out: only Dynamixels answer in one packet";
-            return Err((format!("{message} of drives of {:?}", first.protocol), advice));
+            return Err((format!("{message} is not supported by drives of {:?}", first.protocol), advice));
         };
         let most = (LONGEST - FAST_HEAD) / answer;
         if servos > most {
             let message =
-                format!("{message} of {servos} servos, whose packet is too long: expected at most {most}");
+                format!("{message} of {servos} servos does not fit into a packet, expected at most {most}");
             return Err((message, "leave `fast_read` out, or spread them over more lines"));
         }
     }
@@ -160,23 +160,23 @@ fn check_drive(table: &Table, index: usize) -> Result<(), Refusal> {
     let (drive, before) = (&table.drives[index], &table.drives[..index]);
     let refuse = |message: String, advice| Err((message, advice));
     if table.bus_of(drive).is_none() {
-        return refuse(format!("no bus is named `{}`", drive.bus), "add a `[[bus]]` of that name");
+        return refuse(format!("no bus is named `{}`", drive.bus), "add a `[[bus]]` with this name");
     }
     if before.iter().any(|other| other.joint == drive.joint) {
-        return refuse("another drive moves that joint".into(), "name each joint once");
+        return refuse("another drive has the same joint".into(), "name each joint once");
     }
     if !drive.protocol.spec().nodes.contains(&drive.node) {
         let advice = "write a number from 1 (ODrive: 0), up to 15 for Damiao drives, 63 for ODrives, 126 for CiA 402 \
                       and moteus, 253 for servos (Dynamixel: 252)";
-        return refuse(format!("node {}", drive.node), advice);
+        return refuse(format!("node {} is out of range", drive.node), advice);
     }
     if before.iter().any(|other| other.bus == drive.bus && other.node == drive.node) {
-        let message = format!("node {} is used twice on that bus", drive.node);
-        return refuse(message, "give each its own number");
+        let message = format!("node {} is used twice on the bus", drive.node);
+        return refuse(message, "give each drive a unique number");
     }
     if drive.master.is_some_and(|master| master > 0x7fe) {
         return refuse(
-            format!("answers with the identifier {:?}", drive.master),
+            format!("the answers have the identifier {:?}", drive.master),
             "write a `master` up to 0x7FE",
         );
     }
@@ -184,12 +184,11 @@ fn check_drive(table: &Table, index: usize) -> Result<(), Refusal> {
     let (ranges, torque) = (drive.ranges.ranges(), table.ranges(index).torque);
     let valid = [ranges.position, ranges.velocity, torque, ranges.kp, ranges.kd];
     if !valid.iter().all(Range::is_valid) {
-        return refuse("a range that is not positive".into(), "write the largest value of each field");
+        return refuse("a range is not positive".into(), "write the largest value of each field, above 0");
     }
     if !(drive.ratio.is_finite() && drive.ratio > 0.0 && drive.offset.is_finite()) {
-        let advice =
-            "write a positive ratio, and `reversed = true` for a drive that turns in the opposite direction";
-        return refuse(format!("a ratio of {}, an offset of {}", drive.ratio, drive.offset), advice);
+        let advice = "write a positive ratio and a finite offset, and `reversed = true` for a drive that turns in the opposite direction";
+        return refuse(format!("the ratio is {} and the offset {}", drive.ratio, drive.offset), advice);
     }
     Ok(())
 }
@@ -199,7 +198,8 @@ fn check_protocol(table: &Table, drive: &DriveEntry) -> Result<(), Refusal> {
     let (protocol, spec) = (drive.protocol.definition(), drive.protocol.spec());
     let Some(bus) = table.bus_of(drive).map(|index| &table.buses[index]) else { return Ok(()) };
     if spec.bus != bus.kind {
-        let message = format!("{:?} on the bus `{}`, which is {:?}", drive.protocol, bus.name, bus.kind);
+        let message =
+            format!("{:?} drives cannot be on bus `{}`, which is {:?}", drive.protocol, bus.name, bus.kind);
         return Err((message, "servos are on buses with `kind = \"serial\"`, all others on CAN buses"));
     }
     protocol.check_frames(drive, bus)?;
@@ -220,30 +220,39 @@ fn check_protocol(table: &Table, drive: &DriveEntry) -> Result<(), Refusal> {
     // homing determines the position instead
     let is_known = |key| spec.has_key(key) && !(key == "reference" && drive.homing.is_some());
     if let Some((key, _, owner)) = keys.iter().find(|(key, is_there, _)| *is_there && !is_known(key)) {
-        return Err((format!("`{key}`, which is a key of {owner}"), "leave it out"));
+        return Err((format!("`{key}` is only a key of {owner}"), "leave it out"));
     }
     protocol.check_keys(drive)?;
     current::check(drive)?;
     homing::check(drive)?;
     if drive.mode == Some(ControlMode::Velocity) && !spec.has_velocity_mode {
-        return Err(("velocities, which are a mode of CiA 402".into(), "write \"position\" or \"torque\""));
+        return Err((
+            "the mode \"velocity\" is only supported by CiA 402".into(),
+            "write \"position\" or \"torque\"",
+        ));
     }
     protocol.check_fields(drive)?;
     wire::check_watchdog(drive)?;
     if drive.report_every.is_some_and(|every| every.ns == 0) {
-        return Err(("no report of the encoder".into(), "let the drive report it, every cycle if it can"));
+        return Err((
+            "the period of encoder reports is 0".into(),
+            "write the period that is configured in the drive, such as \"1 ms\"",
+        ));
     }
     let is_sound =
         |gains: LoopEntry| gains.kp.is_finite() && gains.kp > 0.0 && gains.kd.is_finite() && gains.kd >= 0.0;
     let damps = drive.position_loop.is_none_or(|gains| gains.kd > 0.0);
     if drive.mode == Some(ControlMode::Velocity) && !damps {
         return Err((
-            "velocities, and a loop without `kd`".into(),
+            "the mode \"velocity\" requires a `kd` above 0 in `position_loop`".into(),
             "write the `kd` of the velocity loop of the drive, and `kp`: their ratio, in 1/s, is the position gain in the adapter",
         ));
     }
     if drive.position_loop.is_some_and(|gains| !is_sound(gains)) {
-        return Err(("loop gains that are not positive".into(), "write `kp` above 0, `kd` of 0 or more"));
+        return Err((
+            "the gains of `position_loop` are not positive".into(),
+            "write `kp` above 0, `kd` of 0 or more",
+        ));
     }
     Ok(())
 }

@@ -24,12 +24,12 @@ pub(super) fn check(drive: &DriveEntry) -> Result<(), Refusal> {
     let Some(limit) = drive.current_limit else { return Ok(()) };
     match drive.protocol.spec().current_limit {
         CurrentLimit::Unsupported { advice } => {
-            Err((format!("`current_limit`, which {:?} does not support", drive.protocol), advice))
+            Err((format!("`current_limit` is not supported by {:?}", drive.protocol), advice))
         }
         CurrentLimit::Settable { keys } => {
             let is_missing = |name: &str| all.iter().any(|(key, value)| *key == name && value.is_none());
             match keys.iter().find(|(key, _)| is_missing(key)) {
-                Some((key, advice)) => Err((format!("`current_limit` without `{key}`"), advice)),
+                Some((key, advice)) => Err((format!("`current_limit` requires `{key}`"), advice)),
                 None => drive.protocol.definition().check_current(drive, limit),
             }
         }

@@ -51,11 +51,11 @@ fn check_keys(drive: &DriveEntry, homing: &HomingEntry) -> Result<(), Refusal> {
     for (key, is_there) in keys {
         if is_there && !is_known(key) {
             let message =
-                format!("`homing.{key}`, which a homing by the {by} of {:?} does not have", drive.protocol);
+                format!("`homing.{key}` is not a key of a homing by the {by} of {:?}", drive.protocol);
             return Err((message, "leave it out"));
         }
         if is_known(key) && REQUIRED.contains(&key) && !is_there && can_home {
-            let message = format!("a homing by the {by} without `{key}`");
+            let message = format!("a homing by the {by} requires `{key}`");
             return Err((message, "the page of `can.adapter` lists the keys of `homing`"));
         }
     }
@@ -67,13 +67,13 @@ fn check_stop(drive: &DriveEntry, homing: &HomingEntry) -> Result<(), Refusal> {
     let spec = drive.protocol.spec();
     if !spec.homing.moves {
         return Err((
-            "a homing at the stop, of a servo, which knows its position within a turn".into(),
-            "leave `homing` out, and measure `offset` by `motorium can calibrate`",
+            "a servo knows its position within a turn and needs no homing at the stop".into(),
+            "leave `homing` out, and measure `offset` with `motorium can calibrate`",
         ));
     }
     if !spec.takes_torques(drive.mode) {
         return Err((
-            "a homing at the stop, of a drive that follows positions or velocities with all its torque"
+            "a drive that follows positions or velocities cannot be homed at the stop, because it would use its full torque"
                 .into(),
             "write `by = \"drive\"`, or `mode = \"torque\"`",
         ));
@@ -83,22 +83,22 @@ fn check_stop(drive: &DriveEntry, homing: &HomingEntry) -> Result<(), Refusal> {
     let is_number = velocity.is_finite() && velocity != 0.0 && position.is_finite();
     let (is_positive, back_off) = (|x: f64| x.is_finite() && x > 0.0, homing.back_off());
     if !is_positive(homing.energy()) {
-        let message = format!("a homing with an `energy` of {} J", homing.energy());
-        return Err((message, "write what the stop withstands, such as 0.1"));
+        let message = format!("`homing.energy` is {} J, expected above 0", homing.energy());
+        return Err((message, "write the energy that the stop withstands, such as 0.1"));
     }
     if !(is_number && is_positive(effort) && is_positive(back_off)) {
         return Err((
             format!(
-                "a homing with `velocity` {velocity}, `effort` {effort}, `position` {position}, `back_off` {back_off}"
+                "invalid homing: `velocity` {velocity}, `effort` {effort}, `position` {position}, `back_off` {back_off}"
             ),
-            "write a velocity with the sign of its direction, a positive effort and distance, a finite position",
+            "write a velocity with the sign of its direction, a positive effort and back-off distance, and a finite position",
         ));
     }
     let (torque, ratio) = (effort / drive.ratio, drive.ratio * drive.ratio);
     if torque > drive.limited_ranges().torque.max {
         return Err((
-            format!("a homing with {torque:.3} N m at the output shaft, beyond the range of torques"),
-            "write less `effort`",
+            format!("the homing requires {torque:.3} N m at the output shaft, beyond the range of torques"),
+            "reduce `effort`",
         ));
     }
     // the torque at standstill results from the velocity gain
@@ -107,9 +107,9 @@ fn check_stop(drive: &DriveEntry, homing: &HomingEntry) -> Result<(), Refusal> {
     if gain > most {
         return Err((
             format!(
-                "a homing with a velocity gain of {gain:.3} N m s/rad, but the drive is limited to {most:.3}"
+                "the homing requires a velocity gain of {gain:.3} N m s/rad, but the drive is limited to {most:.3}"
             ),
-            "write a higher `velocity`, or less `effort`: the gain is effort over velocity",
+            "raise `velocity`, or reduce `effort`: the gain is effort over velocity",
         ));
     }
     Ok(())

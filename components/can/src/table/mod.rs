@@ -64,36 +64,36 @@ pub struct Table {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{}{message}", position_prefix(*.line, *.column))]
 pub struct TableError {
-    /// Line of the file, from 1, if known.
+    /// Line of the file, counted from 1; `None` if unknown.
     pub line: Option<usize>,
-    /// Column of that line, from 1, if known.
+    /// Column of that line, counted from 1; `None` if unknown.
     pub column: Option<usize>,
-    /// Entry with the error: `bus` or `drive`, and its index.
+    /// Kind of the invalid entry, `bus` or `drive`, and its index; `None` for errors of the whole table.
     pub entry: Option<(&'static str, usize)>,
-    /// Value found, and values expected.
+    /// Description of the invalid value.
     pub message: String,
     /// Advice on how to fix the error.
     pub advice: &'static str,
 }
 
-/// Conversion between a joint and its drive.
+/// Conversion between the positions of a joint and its drive.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Transmission {
     /// Angle of the drive per joint position, signed (rad/rad or rad/m).
     pub ratio: f64,
     /// Joint position at which the drive reads zero (rad or m).
     pub offset: f64,
-    /// Number of turns of the drive included in `offset`.
+    /// Number of whole drive turns included in `offset`.
     pub turns: i32,
 }
 
 impl Transmission {
-    /// Drive position for a joint position.
+    /// Converts a joint position (rad or m) to a drive position (rad).
     pub fn to_drive(&self, joint: f64) -> f64 {
         (joint - self.offset) * self.ratio
     }
 
-    /// Joint position for a drive position.
+    /// Converts a drive position (rad) to a joint position (rad or m).
     pub fn to_joint(&self, drive: f64) -> f64 {
         drive / self.ratio + self.offset
     }
@@ -106,11 +106,15 @@ impl Table {
     /// Returns an error if the text is not a drive table, or if a value is invalid.
     pub fn parse(text: &str) -> Result<Self, TableError> {
         Self::parse_with(text, |path| {
-            Err(io::Error::new(io::ErrorKind::Unsupported, format!("a text alone has no {path}")))
+            Err(io::Error::new(
+                io::ErrorKind::Unsupported,
+                format!("a table that is parsed from a text cannot name the file {path}"),
+            ))
         })
     }
 
-    /// Parses and checks a table. `read` returns the text of a file named in the table.
+    /// Parses and checks a table. `read` is called with the name of each file in the table, and returns its
+    /// text.
     ///
     /// # Errors
     /// Returns an error if the text is not a drive table, if a value is invalid, or if a named file cannot be
@@ -136,7 +140,8 @@ impl Table {
         Ok(table)
     }
 
-    /// Completes the drives from their data sheets. `read` returns the text of a data sheet by name.
+    /// Fills in missing keys of the drives from their data sheets. `read` is called with the name of each
+    /// data sheet, and returns its text.
     ///
     /// # Errors
     /// Returns an error if a data sheet cannot be read, or contradicts the table.
@@ -166,7 +171,7 @@ impl Table {
             .any(|name| Place::from_interface(name).is_some())
     }
 
-    /// Opens the interface of a bus.
+    /// Opens the interface of the bus with index `bus`.
     ///
     /// # Errors
     /// Returns an error if the interface is missing, is down, or has other bitrates.
@@ -198,17 +203,17 @@ impl Table {
             .any(|place| matches!(place, Place::Terminal(_)))
     }
 
-    /// Index of a drive's bus.
+    /// Returns the index of a drive's bus; `None` if the table has no such bus.
     pub fn bus_of(&self, drive: &DriveEntry) -> Option<usize> {
         self.buses.iter().position(|bus| bus.name == drive.bus)
     }
 
-    /// Codec of an MIT drive; `None` for other protocols.
+    /// Returns the codec of drive `index` of the MIT family; `None` for other protocols.
     pub fn drive(&self, index: usize) -> Option<mit::Drive> {
         mit_codec(&self.setup(index))
     }
 
-    /// A drive with the properties derived from its limits and its bus.
+    /// Returns a drive with the properties derived from its limits and its bus.
     pub(crate) fn setup(&self, index: usize) -> DriveSetup<'_> {
         let entry = &self.drives[index];
         let bus = self.bus_of(entry).map(|bus| &self.buses[bus]);
@@ -221,12 +226,13 @@ impl Table {
         }
     }
 
-    /// Ranges of a drive's fields, or the largest values within its limits.
+    /// Returns the ranges of the fields of drive `index`, or the largest values within its limits.
     pub fn ranges(&self, index: usize) -> Ranges {
         self.drives[index].limited_ranges()
     }
 
-    /// Gains of a drive's own position loop: from its entry, or full torque at a twentieth of a radian.
+    /// Returns the gains of drive `index`'s own position loop. By default, they apply full torque at a
+    /// twentieth of a radian.
     pub fn position_loop(&self, index: usize) -> LoopEntry {
         self.drives[index].loop_gains()
     }
@@ -236,7 +242,7 @@ impl Table {
         drive.protocol.spec().frames.form(bus.is_some_and(|bus| bus.data_bitrate.is_some()))
     }
 
-    /// Transmission between a joint and its drive.
+    /// Returns the transmission between drive `index` and its joint.
     pub fn transmission(&self, index: usize) -> Transmission {
         let entry = &self.drives[index];
         let sign = if entry.reversed { -1.0 } else { 1.0 };
@@ -245,13 +251,13 @@ impl Table {
         Transmission { ratio, offset, turns: entry.turns }
     }
 
-    /// Bitrates of a bus.
+    /// Returns the bitrates of the bus with index `bus`.
     pub fn rates(&self, bus: usize) -> Rates {
         let entry = &self.buses[bus];
         Rates { nominal: entry.bitrate, fast: entry.data_bitrate.unwrap_or(entry.bitrate) }
     }
 
-    /// Time budget of one cycle on a bus.
+    /// Returns the time budget of the bus with index `bus` for a cycle of `cycle_ns`.
     pub fn budget(&self, bus: usize, cycle_ns: u64) -> Budget {
         let entry = &self.buses[bus];
         let drives = self.drives.iter().enumerate().filter(|(_, drive)| self.bus_of(drive) == Some(bus));
@@ -278,10 +284,10 @@ impl Table {
         Budget { rates: self.rates(bus), exchanges, others, turn_round_ns, cycle_ns }
     }
 
-    /// Returns the index of each joint's drive, in the order of `joints`.
+    /// Returns the table index of each joint's drive, in the order of `joints`.
     ///
     /// # Errors
-    /// Returns an error if a joint has no drive, or if a drive moves a joint that is not in the list.
+    /// Returns an error if a joint has no drive, or if the joint of a drive is not in `joints`.
     pub fn of_joints(&self, joints: &[String]) -> Result<Vec<usize>, TableError> {
         if let Some(index) = self.drives.iter().position(|drive| !joints.contains(&drive.joint)) {
             let place = self.joint_places.get(index);
@@ -290,7 +296,7 @@ impl Table {
                 column: place.map(|(_, column)| *column),
                 entry: Some(("drive", index)),
                 message: format!(
-                    "the robot has no joint `{}`; it has {}",
+                    "the robot has no joint `{}`; its joints are {}",
                     self.drives[index].joint,
                     joints.join(", ")
                 ),
@@ -325,14 +331,14 @@ struct JointOf {
     joint: Spanned<String>,
 }
 
-/// Line and column of the beginning of a span, from 1.
+/// Returns the line and column of the beginning of a span, from 1.
 fn place_of(text: &str, span: &Span<usize>) -> (usize, usize) {
     let before = text.get(..span.start).unwrap_or(text);
     let line = before.rsplit('\n').next().unwrap_or_default();
     (1 + before.matches('\n').count(), 1 + line.chars().count())
 }
 
-/// Position as the prefix of a message.
+/// Returns the position as the prefix of a message.
 fn position_prefix(line: Option<usize>, column: Option<usize>) -> String {
     match (line, column) {
         (Some(line), Some(column)) => format!("line {line}, column {column}: "),

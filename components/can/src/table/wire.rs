@@ -12,13 +12,13 @@ pub(super) fn check_forms(table: &Table, bus: &BusEntry) -> Result<(), Refusal> 
     let of = |form| on_bus().find(|drive| table.form(drive) == form);
     let (Some(fast), Some(classic)) = (of(Form::FdFast), of(Form::Classic)) else { return Ok(()) };
     let message = format!(
-        "bus `{}`: drives of {:?} receive CAN FD frames, which a drive of {:?} does not support and disturbs",
+        "bus `{}`: drives of {:?} receive CAN FD frames, but a drive of {:?} does not support and would disturb them",
         bus.name, fast.protocol, classic.protocol
     );
     Err((message, "put them on separate buses, or leave `data_bitrate` out if all support classic frames"))
 }
 
-/// Identifiers of a drive's commands and of its answers, on a bus shared by several protocols.
+/// Returns the identifiers of a drive's commands and of its answers, on a bus shared by several protocols.
 fn identifiers(table: &Table, index: usize) -> Option<(Id, Id)> {
     table.drives[index].protocol.definition().identifiers(&table.setup(index))
 }
@@ -29,7 +29,7 @@ pub(super) fn check_identifiers(table: &Table, index: usize) -> Result<(), Refus
     let Some((mine, answers)) = identifiers(table, index) else { return Ok(()) };
     let refuse = |message: String| Err((message, "choose another `master`, or another `node`"));
     if answers == mine {
-        return refuse("the identifier of its answers is already in use".into());
+        return refuse("the identifier of the answers is already in use".into());
     }
     for (i, other) in
         table.drives.iter().enumerate().filter(|(i, other)| *i != index && other.bus == drive.bus)
@@ -37,14 +37,14 @@ pub(super) fn check_identifiers(table: &Table, index: usize) -> Result<(), Refus
         let Some((theirs, their_answers)) = identifiers(table, i) else { continue };
         if answers == theirs {
             return refuse(format!(
-                "its answers have the identifier {answers}, like commands to `{}`",
+                "the answers have the identifier {answers}, like commands to `{}`",
                 other.joint
             ));
         }
         // within one protocol, answers contain the drive's number
         if answers == their_answers && drive.protocol != other.protocol {
             return refuse(format!(
-                "its answers have the identifier {answers}, like the answers of `{}`, a drive of {:?}",
+                "the answers have the identifier {answers}, like the answers of `{}`, a drive of {:?}",
                 other.joint, other.protocol
             ));
         }
@@ -57,7 +57,7 @@ pub(super) fn check_watchdog(drive: &DriveEntry) -> Result<(), Refusal> {
     let ns = drive.watchdog.ns;
     match drive.protocol.spec().watchdog {
         Watchdog::Units { unit_ns, most, advice } if !ns.is_multiple_of(unit_ns) || ns / unit_ns > most => {
-            Err((format!("a watchdog of {} ms", ns as f64 * 1e-6), advice))
+            Err((format!("the watchdog is {} ms", ns as f64 * 1e-6), advice))
         }
         Watchdog::Missing { message, advice } if ns > 0 => Err((message.into(), advice)),
         Watchdog::Any | Watchdog::Units { .. } | Watchdog::Missing { .. } => Ok(()),

@@ -12,7 +12,7 @@ pub(super) fn translate(line: &str) -> Result<Option<String>, RecordError> {
     match fields[..] {
         [] => Ok(None),
         ["base", "hex", "timestamps", "relative", ..] => refuse(
-            "times of this ASC file are relative to the line before: export it with `timestamps absolute`",
+            "times of this ASC file are relative to the previous line: export it with `timestamps absolute`",
         ),
         ["base", "hex", ..] => Ok(None),
         ["base", ..] => refuse("numbers of this ASC file are decimal: export it with `base hex`"),
@@ -132,8 +132,8 @@ fn asc(fields: &[&str]) -> Option<Option<String>> {
 }
 
 impl Record {
-    /// Parses a log line in the format of `candump -L`, the screen output of `candump`, or an ASC file, whose
-    /// channel N becomes the interface `canN`. Returns `None` for an empty line and for a header.
+    /// Parses a log line: `candump -L`, the screen output of `candump`, or an ASC file. Channel N of an ASC
+    /// file becomes the interface `canN`. Returns `None` for an empty line or a header.
     ///
     /// ```
     /// use motorium_can::Record;

@@ -91,7 +91,10 @@ impl Source {
                 match bus.next() {
                     Some(Traffic::Frame(received)) => match Record::of_simulated(bus.name(), &received) {
                         Some(record) => Ok(Some(record)),
-                        None => refused(bus, "a line of servos, whose packets are no CAN frames"),
+                        None => refused(
+                            bus,
+                            "this bus is a line of serial servos, whose packets are not CAN frames",
+                        ),
                     },
                     Some(Traffic::Report(report)) => Ok(Record::of_report(bus.name(), &report)),
                     None if bus.condition() == Condition::Gone => {
@@ -116,7 +119,8 @@ impl Listener {
 
     /// Returns the next record if one arrives within `timeout`.
     ///
-    /// # Errors Returns an error if an interface has gone down or disappeared.
+    /// # Errors
+    /// Returns an error if an interface has gone down or disappeared.
     pub fn next(&mut self, timeout: Duration) -> io::Result<Option<Record>> {
         if let Some(record) = self.take()? {
             return Ok(Some(record));
@@ -175,18 +179,19 @@ impl Sender {
 
     /// Sends the frame of a record, regardless of the interface that it came from.
     ///
-    /// # Errors Returns an error that explains the cause if the interface does not accept the frame.
+    /// # Errors
+    /// Returns an error that explains the cause if the interface does not accept the frame.
     pub fn send(&mut self, record: &Record) -> io::Result<()> {
         let name = &self.name;
         let socket = match &mut self.line {
             Line::Kernel(socket) => socket,
             Line::Simulated(bus) => {
                 let frame = record.frame().ok_or_else(|| {
-                    io::Error::other(format!("`{name}` is simulated, and takes data frames alone"))
+                    io::Error::other(format!("`{name}` is a simulated bus, which accepts only data frames"))
                 })?;
                 return match bus.send(&[frame]) {
                     0 => Err(io::Error::other(format!(
-                        "`{name}` did not take it: it is {}",
+                        "`{name}` did not accept the frame: the bus is {}",
                         bus.condition().name()
                     ))),
                     _ => Ok(()),
@@ -196,10 +201,10 @@ impl Sender {
         socket.write_frame(&record.0.frame).map_err(|error| {
             let why = match error.raw_os_error() {
                 Some(libc::ENOBUFS) => format!(
-                    "the queue of `{name}` is full: nobody acknowledges (power, bitrate, termination?), or it is sent too fast"
+                    "the queue of `{name}` is full: no node acknowledges (power, bitrate, termination?), or frames are sent too fast"
                 ),
                 Some(libc::ENETDOWN) => format!("`{name}` went down: `sudo ip link set {name} up`"),
-                Some(libc::EINVAL) => format!("`{name}` does not take this frame: CAN FD on a classic interface?"),
+                Some(libc::EINVAL) => format!("`{name}` does not accept this frame: is it CAN FD on a classic interface?"),
                 _ => format!("`{name}`: {error}"),
             };
             io::Error::new(error.kind(), why)

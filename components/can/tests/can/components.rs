@@ -290,8 +290,11 @@ fn a_disturbed_bus_retransmits_and_no_answer_is_missing() {
 #[test]
 fn drives_with_other_settings_than_the_table_are_not_enabled() {
     for (set, words) in [
-        (r#"set = [{ joint = "joint1", watchdog = "0 s" }]"#, "its watchdog is off, the table says 20 ms"),
-        (r#"set = [{ joint = "joint2", torque = 18.0 }]"#, "its TorqueMax is 18, the table says 8"),
+        (
+            r#"set = [{ joint = "joint1", watchdog = "0 s" }]"#,
+            "the watchdog is off, but the drive table has 20 ms",
+        ),
+        (r#"set = [{ joint = "joint2", torque = 18.0 }]"#, "TorqueMax is 18, but the drive table has 8"),
     ] {
         let report = run("settings", set, "100 ms");
         let events = serde_json::to_string(&report.events).unwrap();

@@ -125,36 +125,36 @@ fn a_drive_with_another_rated_current_is_not_enabled() {
     assert_eq!(follow(&rated(4.0), None), (true, None));
     let wrong = WrongSetting::RatedCurrent { found: 5.0, expected: 4.0 };
     assert_eq!(follow(&rated(4.0), Some(&rated(5.0))), (false, Some(wrong)));
-    assert_eq!(wrong.to_string(), "its rated current is 5 A, the table says 4");
+    assert_eq!(wrong.to_string(), "the rated current is 5 A, but the drive table has 4 A");
 }
 
 #[test]
 fn an_impossible_current_limit_is_refused() {
     for (protocol, more, words) in [
-        ("odrive", "current_limit = 20.0", "`current_limit` without `torque_constant`"),
+        ("odrive", "current_limit = 20.0", "`current_limit` requires `torque_constant`"),
         ("odrive", "current_limit = -1.0\ntorque_constant = 0.1", "`current_limit` is -1"),
-        ("odrive", "rated_current = 3.0", "`rated_current`, which is a key of CiA 402"),
-        ("damiao", "current_limit = 20.0", "`current_limit` without `torque_constant`"),
-        ("damiao", "current_limit = 20.0\ntorque_constant = 1.0", "`current_limit` without `full_current`"),
+        ("odrive", "rated_current = 3.0", "`rated_current` is only a key of CiA 402"),
+        ("damiao", "current_limit = 20.0", "`current_limit` requires `torque_constant`"),
+        ("damiao", "current_limit = 20.0\ntorque_constant = 1.0", "`current_limit` requires `full_current`"),
         (
             "damiao",
             "current_limit = 20.0\ntorque_constant = 1.0\nfull_current = 20.0",
-            "a current of 20 A, which the drive does not reach",
+            "the current limit of 20 A is not below `full_current`",
         ),
-        ("odrive", "full_current = 20.0", "`full_current`, which is a key of Damiao and Feetech"),
-        ("odrive", "current_unit = 0.001", "`current_unit`, which is a key of Dynamixel"),
-        ("mini_cheetah", "current_limit = 20.0", "`current_limit`, which MiniCheetah does not support"),
-        ("cubemars", "current_limit = 20.0", "`current_limit`, which Cubemars does not support"),
-        ("robstride", "current_limit = 20.0", "`current_limit`, which Robstride does not support"),
+        ("odrive", "full_current = 20.0", "`full_current` is only a key of Damiao and Feetech"),
+        ("odrive", "current_unit = 0.001", "`current_unit` is only a key of Dynamixel"),
+        ("mini_cheetah", "current_limit = 20.0", "`current_limit` is not supported by MiniCheetah"),
+        ("cubemars", "current_limit = 20.0", "`current_limit` is not supported by Cubemars"),
+        ("robstride", "current_limit = 20.0", "`current_limit` is not supported by Robstride"),
         (
             "cia402",
             "increments = 4096.0\nrated_torque = 5.0\ncurrent_limit = 2.0",
-            "`current_limit` without `rated_current`",
+            "`current_limit` requires `rated_current`",
         ),
         (
             "cia402",
             "increments = 4096.0\nrated_torque = 5.0\ncurrent_limit = 2000.0\nrated_current = 3.0",
-            "a current of 2000 A, which is more than 65 times the rated 3 A",
+            "the current limit is 2000 A, more than 65 times the rated current of 3 A",
         ),
     ] {
         let found = table(protocol, more).unwrap_err();

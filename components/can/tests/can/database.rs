@@ -236,7 +236,7 @@ fn signals_of_inactive_pages_are_omitted() {
 fn invalid_databases_are_refused_with_their_position() {
     let refused = |text: &str| Database::parse(text).unwrap_err().to_string();
     let broken = refused(&KINDS.replace("12@1-", "12@7-"));
-    assert!(broken.contains("it is not a DBC file") && broken.contains("10:"), "{broken}");
+    assert!(broken.contains("the text is not a DBC file") && broken.contains("10:"), "{broken}");
     assert_eq!(
         refused(&KINDS.replace("63|1@1+", "60|8@1+")),
         "the signal `Bit` of the message `Orders`: 8 bits from bit 60, beyond 8 bytes"

@@ -121,11 +121,11 @@ fn a_current_limit_needs_rated_current_and_its_object() {
     assert_eq!((read.drives[0].rated_current, read.ranges(0).torque.max), (Some(4.0), 2.5));
     let refused = |sheet: &str| table(&entry, sheet).unwrap_err().to_string();
     let found = refused(&format!("{SHEET}{rated}"));
-    assert!(found.contains("it has no object 0x6073:00"), "{found}");
+    assert!(found.contains("the drive has no object 0x6073:00"), "{found}");
     let found = refused(&format!("{SHEET}{rated}{}", largest("ro")));
-    assert!(found.contains("0x6073:00 \"Max current\" cannot be written"), "{found}");
+    assert!(found.contains("0x6073:00 \"Max current\" is read-only"), "{found}");
     let found = refused(&format!("{SHEET}{}", largest("rw")));
-    assert!(found.contains("`current_limit` without `rated_current`"), "{found}");
+    assert!(found.contains("`current_limit` requires `rated_current`"), "{found}");
 }
 
 #[test]
@@ -160,9 +160,9 @@ fn drive_homing_needs_its_mode_objects_and_method() {
     assert!(found.contains("the drive does not support homing: 0x6502 is 0x380"), "{found}");
     let largest = object("6073", "rw", "");
     let found = refused(17, &format!("{}{largest}", SHEET.replace("0x380", "0x3A0")));
-    assert!(found.contains("it has no object 0x6098:00"), "{found}");
+    assert!(found.contains("the drive has no object 0x6098:00"), "{found}");
     let found = refused(17, &all("ro"));
-    assert!(found.contains("0x6099:01 \"P\" cannot be written"), "{found}");
+    assert!(found.contains("0x6099:01 \"P\" is read-only"), "{found}");
     for method in [37, -5] {
         let found = refused(method, &all("rw"));
         assert!(
@@ -187,9 +187,9 @@ fn an_entry_that_contradicts_the_data_sheet_is_refused() {
     let found = refused("ranges = { position = 3.2, velocity = 30.0, torque = 10.0 }", SHEET);
     assert!(found.contains("`ranges.position` is 3.2 rad, but the drive is limited to 3.1415"), "{found}");
     let found = refused(RANGES, &SHEET.replace("[60C2sub2]", "[5FFFsub2]"));
-    assert!(found.contains("motor.eds: it has no object 0x60C2:02"), "{found}");
+    assert!(found.contains("motor.eds: the drive has no object 0x60C2:02"), "{found}");
     let found = refused(RANGES, &SHEET.replace("[1A01sub2]", "[5FFFsub2]"));
-    assert!(found.contains("it has no object 0x1A01:02, which the adapter writes"), "{found}");
+    assert!(found.contains("the drive has no object 0x1A01:02, which the adapter writes"), "{found}");
     let found = refused(RANGES, "[6040\n");
     assert!(found.starts_with("line 5: drive of `a`: motor.eds, line 1: "), "{found}");
 }

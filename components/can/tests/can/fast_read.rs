@@ -107,7 +107,7 @@ fn table(protocol: &str, servos: u8) -> String {
 #[test]
 fn an_impossible_fast_read_is_refused() {
     let refused = |text: &str| Table::parse(text).unwrap_err().to_string();
-    assert!(refused(&table("feetech", 2)).contains("a fast read of drives of Feetech"));
+    assert!(refused(&table("feetech", 2)).contains("a fast read is not supported by drives of Feetech"));
     assert!(refused(&table("dynamixel", 10)).contains("a fast read of 10 servos"));
     let text = table("dynamixel", 9);
     let (fast, plain) =

@@ -25,24 +25,24 @@ fn an_impossible_homing_is_refused() {
     let own = "by = \"drive\", method = 17, velocity = 0.6, creep_velocity = 0.1, acceleration = 2.0";
     let stop = "by = \"stop\", velocity = -0.5, effort = 1.2, position = -0.8";
     for (drive, homing, words) in [
-        ("protocol = \"damiao\"", "by = \"drive\"", "a homing by the drive, which Damiao does not have"),
-        ("protocol = \"moteus\"", "by = \"drive\"", "a homing by the drive, which moteus does not have"),
-        ("protocol = \"odrive\"", "by = \"drive\"", "a homing by the drive without `current_limit`"),
+        ("protocol = \"damiao\"", "by = \"drive\"", "a homing by the drive is not supported by Damiao"),
+        ("protocol = \"moteus\"", "by = \"drive\"", "a homing by the drive is not supported by moteus"),
+        ("protocol = \"odrive\"", "by = \"drive\"", "a homing by the drive requires `current_limit`"),
         (
             "protocol = \"cia402\"\nincrements = 65536.0\nrated_torque = 8.0",
             own,
-            "a homing by the drive without `current_limit`",
+            "a homing by the drive requires `current_limit`",
         ),
         (
             "protocol = \"odrive\"",
             stop,
-            "of a drive that follows positions or velocities with all its torque",
+            "a drive that follows positions or velocities cannot be homed at the stop",
         ),
-        (CIA402, stop, "of a drive that follows positions or velocities with all its torque"),
+        (CIA402, stop, "a drive that follows positions or velocities cannot be homed at the stop"),
         (
             CIA402,
             "by = \"drive\", velocity = 0.6, creep_velocity = 0.1, acceleration = 2.0",
-            "without `method`",
+            "requires `method`",
         ),
         (CIA402, &own.replace("17", "31"), "`homing.method` is 31, which CiA 402 does not define"),
         (
@@ -54,15 +54,15 @@ fn an_impossible_homing_is_refused() {
         (
             CIA402,
             &format!("{own}, steps = 4"),
-            "`homing.steps`, which a homing by the drive of Cia402 does not have",
+            "`homing.steps` is not a key of a homing by the drive of Cia402",
         ),
         (
             "protocol = \"feetech\"",
             "by = \"drive\", steps = 2048",
             "`homing.steps` is 2048, expected -2047 to 2047",
         ),
-        ("protocol = \"feetech\"", "by = \"drive\", steps = 4, order = 1", "`homing.order`, which"),
-        ("protocol = \"dynamixel\"", "by = \"drive\"", "a homing by the drive without `steps`"),
+        ("protocol = \"feetech\"", "by = \"drive\", steps = 4, order = 1", "`homing.order` is not a key"),
+        ("protocol = \"dynamixel\"", "by = \"drive\"", "a homing by the drive requires `steps`"),
         (
             "protocol = \"damiao\"",
             "by = \"stop\", velocity = 0.0, effort = 1.0, position = 1.0",
@@ -71,12 +71,12 @@ fn an_impossible_homing_is_refused() {
         (
             "protocol = \"damiao\"",
             &stop.replace("-0.8", "nan"),
-            "a homing with `velocity` -0.5, `effort` 1.2, `position` NaN",
+            "invalid homing: `velocity` -0.5, `effort` 1.2, `position` NaN",
         ),
         (
             "protocol = \"damiao\"",
             "by = \"stop\", velocity = 0.1, effort = 1.0",
-            "a homing by the stop without `position`",
+            "a homing by the stop requires `position`",
         ),
         (
             "protocol = \"damiao\"",

@@ -169,7 +169,7 @@ fn a_relative_encoder_is_enabled_only_after_homing() {
     let adapter = answered(adapter(homed), &well(Home::Relative));
     assert_eq!((adapter.wrong_setting(), adapter.links()[0].phase()), (None, Phase::Homing));
     let both = Table::parse(&table(&format!("{homed}\nreference = \"rotor\""))).unwrap_err().to_string();
-    assert!(both.contains("`reference`, which is a key of moteus without `homing`"), "{both}");
+    assert!(both.contains("`reference` is only a key of moteus without `homing`"), "{both}");
 }
 
 #[test]
@@ -221,12 +221,12 @@ fn ranges_beyond_the_registers_of_16_bits_are_refused() {
         (
             "position = 12.5",
             "position = 25.0",
-            "a position of 25 rad, but the registers of a moteus are limited to 20.59",
+            "the position is 25 rad, but the registers of a moteus are limited to 20.59",
         ),
         (
             "velocity = 30.0",
             "velocity = 60.0",
-            "a velocity of 60 rad/s, but the registers of a moteus are limited to 51.47",
+            "the velocity is 60 rad/s, but the registers of a moteus are limited to 51.47",
         ),
     ] {
         let error = Table::parse(&table("").replace(from, to)).unwrap_err().to_string();

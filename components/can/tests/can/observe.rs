@@ -165,7 +165,7 @@ fn observers_refuse_keys_that_require_torque() {
     let found = refusal(&homed, "");
     assert!(found.contains("the drive of `joint3` has to be homed, which needs torque"), "{found}");
     let found = refusal(&plain, "leave_enabled = true");
-    assert!(found.contains("with `observe` no drive is enabled"), "{found}");
+    assert!(found.contains("with `observe`, no drive is enabled"), "{found}");
     let found = refusal(&plain, "command_within = \"1 ms\"");
     assert!(found.contains("there are no commands to wait for"), "{found}");
     let folder = Folder::new("observed-command", &plain);

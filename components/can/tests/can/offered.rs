@@ -209,10 +209,16 @@ fn bus_addresses_of_a_drive_table_are_checked() {
     assert!(good.is_real() && good.is_offered());
     let refused = |one: &str, two: &str| table(one, two).unwrap_err();
     let mixed = refused("interface = \"unix:one\"", "interface = \"can0\"");
-    assert!(mixed.contains("simulated buses and interfaces of the computer in one table"), "{mixed}");
-    assert!(refused("interface = \"unix:\"", "").contains("a socket named \"\""));
-    assert!(refused("interface = \"pty:can0\"", "").contains("a terminal at \"can0\""));
     assert!(
-        refused("interface = \"unix:a\"", "interface = \"unix:a\"").contains("another bus has its interface")
+        mixed.contains("the table contains both simulated buses and interfaces of the computer"),
+        "{mixed}"
+    );
+    assert!(refused("interface = \"unix:\"", "").contains("the socket name \"\" is invalid"));
+    assert!(
+        refused("interface = \"pty:can0\"", "").contains("the terminal \"can0\" is not an absolute path")
+    );
+    assert!(
+        refused("interface = \"unix:a\"", "interface = \"unix:a\"")
+            .contains("another bus has the same interface")
     );
 }

@@ -150,7 +150,8 @@ fn a_refused_position_names_range_and_correction() {
     rig.run(20);
     let (_, wrong) = rig.adapter.wrong_setting().expect("it reads 7.28 rad");
     let text = wrong.to_string();
-    for part in ["it reads 7.283", "-2.500 to 2.500", "margin 0.05", "`homing`", "`offset`", "`turns = -1`"] {
+    for part in ["reads 7.283 rad", "-2.500 to 2.500", "margin 0.05", "`homing`", "`offset`", "`turns = -1`"]
+    {
         assert!(text.contains(part), "{part}: {text}");
     }
 }
@@ -174,7 +175,7 @@ fn a_damiao_in_another_control_mode_is_not_enabled() {
         rig.drive = AnySimulatedDrive::from(drive);
         rig.run(20);
         let wrong = rig.adapter.wrong_setting().map(|(_, wrong)| wrong.to_string());
-        let expected = format!("its control mode (register 10) is {mode}, expected 1");
+        let expected = format!("the control mode (register 10) is {mode}, expected 1");
         assert_eq!(wrong.as_deref(), Some(expected.as_str()));
         assert!(!rig.drive.is_enabled());
     }
@@ -194,7 +195,7 @@ fn a_cia402_drive_that_displays_another_mode_is_not_enabled() {
     assert_eq!(rig.adapter.wrong_setting(), None, "it may still change");
     rig.run(100);
     let wrong = rig.adapter.wrong_setting().map(|(_, wrong)| wrong.to_string());
-    assert_eq!(wrong.as_deref(), Some("its control mode (object 0x6061) is 1, expected 8"));
+    assert_eq!(wrong.as_deref(), Some("the control mode (object 0x6061) is 1, expected 8"));
     assert!(!rig.drive.is_enabled());
 }
 

@@ -240,7 +240,7 @@ fn a_refusing_adapter_and_a_missing_line_are_reported() {
     let error = bus.unwrap_err();
     assert!(error.to_string().contains("the adapter refuses its bitrate"), "{error}");
     let error = SlcanBus::open("/dev/no-such-line", RATES, false).unwrap_err();
-    assert_eq!(error.to_string(), "there is no serial line `/dev/no-such-line`");
+    assert_eq!(error.to_string(), "the serial line `/dev/no-such-line` does not exist");
     assert!(error.advice().contains("/dev/serial/by-id"));
     let odd = Rates { nominal: 333_333, fast: 333_333 };
     let error = SlcanBus::open("/dev/no-such-line", odd, false).unwrap_err();

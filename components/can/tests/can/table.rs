@@ -29,11 +29,11 @@ fn mistakes_are_reported_with_their_line() {
     let missing = "[[drive]]\njoint = \"a\"\n";
     assert_eq!(refused(&format!("{BUS}{missing}")).0, Some(4));
     let twice = format!("{BUS}{}{}", drive("a", 1, ""), drive("b", 1, ""));
-    assert_eq!(refused(&twice), (Some(12), "drive of `b`: node 1 is used twice on that bus".into()));
+    assert_eq!(refused(&twice), (Some(12), "drive of `b`: node 1 is used twice on the bus".into()));
     let nowhere = format!("{BUS}{}", drive("a", 1, "").replace("can0", "can7"));
     assert_eq!(refused(&nowhere).1, "drive of `a`: no bus is named `can7`");
     let named = format!("{}{}", BUS.replace("can0", "can 0"), drive("a", 1, ""));
-    assert_eq!(refused(&named), (Some(1), "a bus named \"can 0\"".into()));
+    assert_eq!(refused(&named), (Some(1), "the bus name \"can 0\" is invalid".into()));
     let gains = format!("{BUS}{}", drive("a", 1, "").replace("torque = 10.0", "torque = 10.0, kp = 900.0"));
     assert_eq!(refused(&gains).1, "drive of `a`: the gains of a Damiao drive are limited to 500 and 5");
     let key = format!("{BUS}{}", drive("a", 1, "torqe = 2"));
@@ -54,7 +54,7 @@ fn an_unknown_joint_is_reported_with_its_position() {
     let text = format!("{BUS}{}{}", drive("a", 1, ""), drive("ä", 2, "").replace("joint =", "  joint  ="));
     let error = Table::parse(&text).unwrap().of_joints(&["a".into()]).unwrap_err();
     assert_eq!((error.line, error.column, error.entry), (Some(13), Some(12), Some(("drive", 1))));
-    assert_eq!(error.to_string(), "line 13, column 12: the robot has no joint `ä`; it has a");
+    assert_eq!(error.to_string(), "line 13, column 12: the robot has no joint `ä`; its joints are a");
 }
 
 #[test]

@@ -45,7 +45,7 @@ fn a_classic_only_drive_is_refused_next_to_can_fd() {
     for (fast, name) in [("damiao", "Damiao"), ("moteus", "Moteus")] {
         let text = refused(FD, &[(fast, 1, ""), ("mini_cheetah", 2, "")]);
         let words =
-            format!("drives of {name} receive CAN FD frames, which a drive of MiniCheetah does not support");
+            format!("drives of {name} receive CAN FD frames, but a drive of MiniCheetah does not support");
         assert!(text.contains(&words), "{text}");
     }
     assert!(table("", &[("damiao", 1, ""), ("mini_cheetah", 2, "")]).is_ok());
@@ -55,18 +55,18 @@ fn a_classic_only_drive_is_refused_next_to_can_fd() {
 #[test]
 fn answers_that_collide_with_commands_are_refused() {
     let text = refused("", &[("damiao", 1, "master = 2"), ("damiao", 2, "")]);
-    assert_eq!(text, "drive of `damiao1`: its answers have the identifier 0x002, like commands to `damiao2`");
+    assert_eq!(text, "drive of `damiao1`: the answers have the identifier 0x002, like commands to `damiao2`");
     // the default of a Damiao drive
     let text = refused("", &[("mini_cheetah", 17, ""), ("damiao", 1, "")]);
     assert_eq!(
         text,
-        "drive of `damiao1`: its answers have the identifier 0x011, like commands to `mini_cheetah17`"
+        "drive of `damiao1`: the answers have the identifier 0x011, like commands to `mini_cheetah17`"
     );
     assert!(
         refused("", &[("damiao", 1, "master = 1")])
-            .contains("the identifier of its answers is already in use")
+            .contains("the identifier of the answers is already in use")
     );
-    assert!(refused("", &[("damiao", 1, "master = 0x7ff")]).contains("answers with the identifier"));
+    assert!(refused("", &[("damiao", 1, "master = 0x7ff")]).contains("the answers have the identifier"));
 }
 
 #[test]
@@ -74,7 +74,7 @@ fn colliding_answers_are_refused_or_name_their_drive() {
     let text = refused("", &[("damiao", 1, "master = 0"), ("mini_cheetah", 2, "")]);
     assert!(
         text.contains(
-            "its answers have the identifier 0x000, like the answers of `mini_cheetah2`, a drive of MiniCheetah"
+            "the answers have the identifier 0x000, like the answers of `mini_cheetah2`, a drive of MiniCheetah"
         ),
         "{text}"
     );
@@ -94,23 +94,23 @@ fn ranges_beyond_the_protocol_are_refused() {
         (
             "odrive",
             ranges(12.5, 206.0, 10.0),
-            "a velocity of 206 rad/s, but the field of its feed-forward is limited to 205.88",
+            "the velocity is 206 rad/s, but the field of its feed-forward is limited to 205.88",
         ),
         (
             "odrive",
             ranges(12.5, 30.0, 33.0),
-            "a torque of 33 N m, but the field of its feed-forward is limited to 32.77",
+            "the torque is 33 N m, but the field of its feed-forward is limited to 32.77",
         ),
         (
             "cia402",
             cia402("", ranges(206_000.0, 30.0, 10.0)),
-            "a position of 206000 rad, but its field of 32 bits is limited to 205887",
+            "the position is 206000 rad, but its field of 32 bits is limited to 205887",
         ),
-        ("cia402", cia402("", ranges(12.5, 206_000.0, 10.0)), "a velocity of 206000 rad/s"),
+        ("cia402", cia402("", ranges(12.5, 206_000.0, 10.0)), "the velocity is 206000 rad/s"),
         (
             "cia402",
             cia402("mode = \"torque\"", ranges(12.5, 30.0, 164.0)),
-            "a torque of 164 N m, but object 0x6071",
+            "the torque is 164 N m, but object 0x6071",
         ),
     ];
     for (protocol, more, words) in rows {
@@ -138,7 +138,7 @@ fn an_unreachable_watchdog_is_refused_in_the_table() {
     ] {
         for time in bad {
             let text = refused(FD, &[(protocol, 1, &format!("{more}\n{}", watchdog(time)))]);
-            assert!(text.contains("a watchdog of "), "{protocol} {time}: {text}");
+            assert!(text.contains("the watchdog is "), "{protocol} {time}: {text}");
         }
         for time in good {
             let read = table(FD, &[(protocol, 1, &format!("{more}\n{}", watchdog(time)))]);

@@ -17,7 +17,7 @@ use motorium::state::{Decoded, Decoder, FieldValue, Number};
 
 use queue::{Receiver, Sender, queue};
 
-/// Inputs that exist without being listed in `inputs`: the states found in most graphs.
+/// Inputs that can be wired without being listed in `inputs`: common states of robot graphs.
 const USUAL: [&str; 8] =
     ["joint_state", "joint_command", "base_state", "target", "wrench", "imu", "phase", "emergency_stop"];
 
@@ -30,7 +30,7 @@ const USUAL: [&str; 8] =
 #[derive(Debug, Clone, serde::Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ConsoleLogConfig {
-    /// Names of additional inputs, each for a topic of any type except slices. Default: none.
+    /// Names of additional inputs. Each accepts a topic of any type except slices. Default: none.
     pub inputs: Vec<String>,
     /// Digits after the decimal point, 0 to 12. Default 3.
     pub digits: u8,
@@ -90,9 +90,7 @@ impl Component for ConsoleLog {
         }
         if inputs.is_empty() {
             let advice = "subscribe = { joint_state = \"TOPIC\" }, or list additional inputs in `inputs`";
-            return Err(ConfigureError::failed(format!(
-                "nothing to print: none of its inputs is wired; add {advice}"
-            )));
+            return Err(ConfigureError::failed(format!("nothing to print: no input is wired; add {advice}")));
         }
         let largest = inputs.iter().filter_map(RawInput::layout).map(|layout| layout.size).max().unwrap_or(0);
         let (queue, lines) = queue(config.backlog, largest);

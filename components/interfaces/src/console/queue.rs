@@ -41,7 +41,8 @@ pub(super) struct Entry<'a> {
     pub(super) bytes: &'a [u8],
 }
 
-/// Creates a queue for `count` values of at most `largest` bytes, or for as many as fit in 64 MiB.
+/// Creates a queue for `count` values of at most `largest` bytes. The capacity is lower if the values would
+/// exceed 64 MiB.
 pub(super) fn queue(count: usize, largest: usize) -> (Sender, Receiver) {
     let count = count.min(LONGEST / largest.max(1)).max(1);
     let slots = Slots { free: ArrayQueue::new(count), filled: ArrayQueue::new(count) };
@@ -68,7 +69,7 @@ impl Sender {
 }
 
 impl Receiver {
-    /// Reads the next value, if there is one.
+    /// Passes the next queued value to `read` and returns the result; `None` if the queue is empty.
     pub(super) fn receive<T>(&mut self, read: impl FnOnce(Entry<'_>) -> T) -> Option<T> {
         let slot = self.0.filled.pop()?;
         let result = read(Entry { time: slot.time, input: slot.input, bytes: &slot.bytes[..slot.length] });

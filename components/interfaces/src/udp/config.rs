@@ -85,14 +85,13 @@ impl UdpSensorConfig {
         if layout.size > LONGEST {
             let message =
                 format!("`{}` has {} bytes, a datagram at most {LONGEST}", self.type_name, layout.size);
-            return Err(
-                ConfigError::key("type", message).advise("send it by a bridge, such as `bridge.iceoryx2`")
-            );
+            return Err(ConfigError::key("type", message)
+                .advise("send it through a bridge, such as `bridge.iceoryx2`"));
         }
         Ok(layout.clone())
     }
 
-    /// Returns the address to receive on.
+    /// Parses the address and port to receive on.
     pub(super) fn socket_address(&self) -> Result<SocketAddr, ConfigError> {
         if self.port == 0 {
             let error = ConfigError::key("port", "port 0 is not allowed, expected 1 to 65535");

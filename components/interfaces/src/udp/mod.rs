@@ -34,7 +34,7 @@ pub struct UdpSensor {
     senders: Vec<Sender>,
     /// Check of local senders; `None` if all users of this machine are trusted.
     owners: Option<Owners>,
-    /// Addresses of this machine among the senders, other than loopback.
+    /// Addresses in `from` that belong to this machine, except loopback addresses.
     own_addresses: Vec<IpAddr>,
     /// A pressed emergency stop is published before any newer value.
     is_emergency_stop: bool,
@@ -167,7 +167,7 @@ impl Component for UdpSensor {
 }
 
 impl UdpSensor {
-    /// Returns `true` if the last datagram may be published.
+    /// Returns `true` if the sender of the last datagram is accepted.
     fn admit(&mut self, datagram: &Datagram) -> bool {
         let known = |address| self.senders.iter().any(|sender| sender.is(address));
         if !self.senders.is_empty() && !datagram.sender.is_some_and(known) {

@@ -12,7 +12,7 @@ use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, UdpSocket};
 
 /// The kernel's lists of the UDP sockets of this network namespace.
 const LISTS: [&str; 2] = ["/proc/net/udp", "/proc/net/udp6"];
-/// Maximum number of remembered senders; a new one replaces the oldest.
+/// Maximum number of remembered senders; a new sender replaces the oldest.
 const REMEMBERED: usize = 64;
 /// Initial capacity for a list, bytes.
 const ROOM: usize = 64 * 1024;
@@ -38,7 +38,7 @@ struct Known {
 }
 
 impl Known {
-    /// Returns `true` if no other user could have sent from the address at this time.
+    /// Returns `true` if no other user could have sent from the address at `received_ns`.
     fn covers(&self, received_ns: u64) -> bool {
         self.since_ns < received_ns && received_ns <= self.until_ns
     }
@@ -49,9 +49,9 @@ impl Known {
 pub(super) enum Ownership {
     /// Sent by a socket of this user or of root.
     Own,
-    /// The first datagram of such a socket.
+    /// The first datagram of a socket of this user or of root.
     Introduced,
-    /// Sent by another user, or by a socket that is closed.
+    /// Sent by another user, or by a closed socket.
     Foreign,
 }
 
@@ -99,7 +99,7 @@ impl Owners {
         Ownership::Introduced
     }
 
-    /// Returns the inode of the socket that holds an address, if every candidate is owned by this user or by
+    /// Returns the inode of the socket bound to an address, if every candidate is owned by this user or by
     /// root.
     fn find(&mut self, sender: SocketAddr) -> Option<u64> {
         let mut found = None;

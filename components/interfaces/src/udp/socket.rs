@@ -21,9 +21,9 @@ pub(super) struct Datagram {
     pub(super) length: usize,
     /// Address of the sender; `None` if it is not an internet address.
     pub(super) sender: Option<SocketAddr>,
-    /// Time at which the kernel received it, ns on `CLOCK_REALTIME`. The kernel starts stamping shortly after
-    /// the first socket on the machine requests it. A datagram that arrived earlier is stamped when it is
-    /// read.
+    /// Time at which the kernel received the datagram, ns on `CLOCK_REALTIME`. The kernel starts stamping
+    /// shortly after the first socket on the machine requests it. A datagram that arrived earlier is stamped
+    /// when it is read.
     pub(super) received_ns: Option<u64>,
     /// Number of datagrams dropped by the kernel for lack of space since the socket was opened, modulo 2^32.
     pub(super) lost: Option<u32>,

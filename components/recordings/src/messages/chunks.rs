@@ -1,4 +1,4 @@
-//! Records in a chunk of an MCAP file, verified and read despite damage.
+//! Records in a chunk of an MCAP file, verified and recovered from damage.
 
 use std::borrow::Cow;
 use std::io::Read;
@@ -23,15 +23,15 @@ pub(crate) struct Chunk<'a> {
     pub(crate) times: (u64, u64),
     content: Cow<'a, [u8]>,
     position: usize,
-    /// Start offsets of the messages listed by the chunk's index, ascending.
+    /// Offsets of the messages listed by the chunk's index, ascending.
     messages: Vec<usize>,
-    /// Bytes of the chunk are corrupted.
+    /// `true` if bytes of the chunk are corrupted.
     pub(crate) is_damaged: bool,
-    /// The end of the chunk is missing: its writer was interrupted, or the file was cut.
+    /// `true` if the end of the chunk is missing: its writer was interrupted, or the file was truncated.
     pub(crate) is_open: bool,
     /// Reason why the chunk cannot be read.
     pub(crate) unreadable: Option<String>,
-    /// Number of bytes that belong to no record.
+    /// Number of bytes that are not part of any record.
     pub(crate) skipped: u64,
 }
 
@@ -77,7 +77,7 @@ impl<'a> Chunk<'a> {
         chunk
     }
 
-    /// Returns the end of the record at a position if its kind and length are plausible.
+    /// Returns the end of the record at `start` if its kind and length are plausible.
     fn framed(&self, start: usize) -> Option<usize> {
         let kind = *self.content.get(start)?;
         let length = u64::from_le_bytes(*self.content.get(start + 1..)?.first_chunk()?);
@@ -91,7 +91,7 @@ impl<'a> Chunk<'a> {
         self.messages.get(self.messages.partition_point(|message| *message <= start)).copied()
     }
 
-    /// Returns the end of the record at a position if all records from there fit before the next listed
+    /// Returns the end of the record at `start` if all records from `start` fit before the next listed
     /// message.
     fn end(&self, start: usize) -> Option<usize> {
         let end = self.framed(start)?;

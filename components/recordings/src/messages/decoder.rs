@@ -17,7 +17,7 @@ pub struct Schema {
 }
 
 impl Schema {
-    /// Name of the type without its packages: `JointState` for `sensor_msgs/msg/JointState`.
+    /// Returns the name of the type without its packages: `JointState` for `sensor_msgs/msg/JointState`.
     pub fn short_name(&self) -> &str {
         self.name.rsplit(['.', '/', ':']).next().unwrap_or_default()
     }
@@ -30,10 +30,10 @@ pub enum Unsupported {
     #[error("messages are encoded as `{0}`, expected `cdr`, `json` or `protobuf`")]
     Encoding(String),
     /// The channel has no schema, which its encoding requires.
-    #[error("messages in `{0}` without a schema")]
+    #[error("messages encoded as `{0}` have no schema, but this encoding requires one")]
     NoSchema(String),
     /// The encoding of the schema is unknown.
-    #[error("messages in `{messages}` with a schema in `{schema}`, expected {expected}")]
+    #[error("messages encoded as `{messages}` have a schema encoded as `{schema}`, expected {expected}")]
     SchemaEncoding {
         /// Encoding of the messages.
         messages: String,
@@ -43,7 +43,7 @@ pub enum Unsupported {
         expected: &'static str,
     },
     /// The schema does not parse.
-    #[error("its schema cannot be read: {0}")]
+    #[error("the schema cannot be read: {0}")]
     Schema(String),
 }
 
@@ -119,7 +119,7 @@ impl Decoder {
     }
 }
 
-/// Converts a JSON document. `None` stands for `null`, which is omitted from fields and lists.
+/// Converts a JSON document. Returns `None` for `null`, which is omitted from fields and lists.
 fn of_json(json: serde_json::Value) -> Option<Value> {
     Some(match json {
         serde_json::Value::Null => return None,

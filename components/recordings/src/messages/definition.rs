@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// Separator of the parts of a full name.
+/// Separator between the namespaces of a full name.
 pub(crate) const SEPARATOR: &str = "::";
 
 /// A fixed-size number.
@@ -43,7 +43,7 @@ pub(crate) enum Item {
 /// The definitions of a schema, by their full names.
 pub(crate) type Items = BTreeMap<String, Item>;
 
-/// A type with resolved parts.
+/// A type whose components are resolved.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Type {
     Scalar(Scalar),
@@ -59,7 +59,7 @@ const LARGEST: usize = 10_000;
 /// Maximum nesting depth of types.
 const DEEPEST: usize = 64;
 
-/// Resolves the names in the definition of `root`.
+/// Resolves all names used by the definition of `root`.
 ///
 /// # Errors
 /// The unknown or unsupported type, and the type that uses it.
@@ -146,7 +146,7 @@ impl Linker<'_> {
     }
 }
 
-/// Time types, which some writers omit.
+/// Returns the type of a built-in time name, which some writers omit from the schema; `None` for other names.
 fn builtin(name: &str) -> Option<Type> {
     let last = name.rsplit(SEPARATOR).next().unwrap_or(name);
     let is_time = ["Time", "Duration", "time", "duration"].contains(&last);

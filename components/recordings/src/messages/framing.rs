@@ -26,9 +26,9 @@ pub(crate) struct Frame<'a> {
     /// `true` if the file ends with the record.
     pub(crate) is_last: bool,
     /// `true` if the length of the record is damaged or was never written. The content then ends at the
-    /// position in the index, at the next record or at the end of the file.
+    /// position given by the index, at the next record or at the end of the file.
     pub(crate) is_cut: bool,
-    /// The chunk according to the index.
+    /// Index entry of the chunk, if the index lists it.
     pub(crate) listed: Option<&'a ChunkIndex>,
 }
 
@@ -39,14 +39,15 @@ pub(crate) struct Frames<'a> {
     position: usize,
     /// Chunks listed by the index, ascending.
     chunks: &'a [ListedChunk],
-    /// Bytes that belong to no record.
+    /// Number of bytes that are not part of any record.
     pub(crate) skipped: u64,
     /// `true` once the footer has been reached.
     pub(crate) has_footer: bool,
 }
 
 impl<'a> Frames<'a> {
-    /// Creates an iterator over a file whose index, if present, lists these chunks.
+    /// Creates an iterator over the records of `file`. `chunks` are the chunks listed by its index, if
+    /// present.
     pub(crate) fn new(file: &'a [u8], chunks: &'a [ListedChunk]) -> Self {
         Self { file, position: MAGIC.len().min(file.len()), chunks, skipped: 0, has_footer: false }
     }
@@ -191,12 +192,13 @@ impl ListedChunk {
     }
 }
 
-/// The end of a file: definitions, counts and index, as far as they are present and undamaged.
+/// The summary section at the end of a file: definitions, counts and index, as far as they are present and
+/// undamaged.
 #[derive(Debug, Default)]
 pub struct Summary {
-    /// Schemas and channels, as records.
+    /// Records of the schemas and channels.
     pub definitions: Vec<Record<'static>>,
-    /// Message counts, if the file contains them.
+    /// Message counts; `None` if the file does not contain them.
     pub statistics: Option<mcap::records::Statistics>,
     /// Chunks, ascending.
     pub(crate) chunks: Vec<ListedChunk>,

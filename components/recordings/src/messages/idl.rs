@@ -55,7 +55,8 @@ fn tokens(text: &str) -> Result<Vec<Token>, String> {
             }
             let is_word = |letter: char| letter.is_alphanumeric() || matches!(letter, '_' | ':' | '.');
             let length = if first == '"' || first == '\'' {
-                text_length(rest, first).ok_or_else(|| format!("line {number}: a text without an end"))?
+                text_length(rest, first)
+                    .ok_or_else(|| format!("line {number}: a string without a closing quote"))?
             } else if is_word(first) {
                 rest.find(|letter| !is_word(letter)).unwrap_or(rest.len())
             } else {
@@ -164,7 +165,7 @@ impl Parser<'_> {
                 self.position += 1;
                 let name = self.identifier()?;
                 if self.scope.len() >= DEEPEST {
-                    return Err(self.wrong("fewer modules in one another"));
+                    return Err(self.wrong("less deeply nested modules"));
                 }
                 self.expect("{")?;
                 self.scope.push(name);
@@ -268,7 +269,7 @@ impl Parser<'_> {
 
     fn kind(&mut self, depth: usize) -> Result<Named, String> {
         if depth > DEEPEST {
-            return Err(self.wrong("fewer sequences in one another"));
+            return Err(self.wrong("less deeply nested sequences"));
         }
         let scalar = match self.peek() {
             "boolean" => Scalar::Bool,

@@ -6,14 +6,14 @@
 use mcap::read::parse_record;
 use mcap::records::{Record, op};
 
-/// A part of a record.
+/// A section of a record.
 #[derive(Debug, Clone, Copy)]
 enum Part {
-    /// This number of bytes.
+    /// Fixed number of bytes.
     Fixed(usize),
     /// A four-byte length followed by that number of bytes.
     Block,
-    /// A block of blocks.
+    /// A block that consists of blocks.
     Blocks,
     /// An eight-byte length followed by that number of bytes.
     Long,
@@ -21,8 +21,8 @@ enum Part {
 
 use Part::{Block, Blocks, Fixed, Long};
 
-/// Returns the parts of a record of this kind. Bytes may follow them, except in an attachment, whose parser
-/// relies on its end.
+/// Returns the sections of a record of this kind. More bytes may follow, except in an attachment, whose
+/// parser relies on its end.
 fn parts(kind: u8) -> &'static [Part] {
     match kind {
         op::HEADER => &[Block, Block],
@@ -77,7 +77,7 @@ pub(crate) fn fit(kind: u8, body: &[u8]) -> bool {
     kind != op::ATTACHMENT || rest.is_empty()
 }
 
-/// Returns the record if its lengths fit and its parts are valid.
+/// Parses a record; `None` if its lengths do not fit or its content is invalid.
 pub(crate) fn parsed(kind: u8, body: &[u8]) -> Option<Record<'_>> {
     fit(kind, body).then(|| parse_record(kind, body).ok()).flatten()
 }

@@ -22,9 +22,9 @@ pub struct Channel {
     pub schema: Option<Schema>,
     /// Metadata that the writer added.
     pub metadata: BTreeMap<String, String>,
-    /// Number of messages.
+    /// Number of messages of this channel in the file.
     pub messages: u64,
-    /// The decoder of the messages, or the reason why there is none.
+    /// Decoder of the messages, or the reason why they cannot be decoded.
     pub decoder: Result<Decoder, Unsupported>,
 }
 
@@ -38,7 +38,7 @@ impl fmt::Display for Channel {
     }
 }
 
-/// An error of reading a file of messages.
+/// An error of reading an MCAP file.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum LogError {
     /// The file is not an MCAP file.
@@ -51,7 +51,7 @@ pub enum LogError {
         is_whole: bool,
     },
     /// No channel has this name.
-    #[error("it has no channel `{topic}`; its channels are {known}")]
+    #[error("the file has no channel `{topic}`; its channels are {known}")]
     NoChannel {
         /// The requested name.
         topic: String,
@@ -61,7 +61,7 @@ pub enum LogError {
     /// The messages of a channel cannot be decoded.
     #[error("channel {channel}: {reason}")]
     Unsupported {
-        /// The channel, with its encoding and schema.
+        /// Description of the channel, with its encoding and schema.
         channel: String,
         /// The reason.
         reason: Unsupported,
@@ -69,14 +69,14 @@ pub enum LogError {
     /// A message of a channel is damaged.
     #[error("channel `{topic}`, message {number}: {reason}")]
     Damaged {
-        /// The channel.
+        /// Name of the channel.
         topic: String,
-        /// The message, counted from 1.
+        /// Number of the message, counted from 1.
         number: u64,
         /// The reason.
         reason: String,
     },
-    /// No channel, or more than one, has the numbers of a movement.
+    /// Not exactly one channel has a field with the numbers of a movement.
     #[error("{}", choice(.field, .found, .known))]
     Choice {
         /// Name of the field.
@@ -89,13 +89,13 @@ pub enum LogError {
     /// A message lacks channels of the recording.
     #[error("channel `{topic}`, message {number}: found {found}, expected {expected}")]
     Uneven {
-        /// The channel.
+        /// Name of the channel.
         topic: String,
-        /// The message, counted from 1.
+        /// Number of the message, counted from 1.
         number: u64,
-        /// The numbers of the message.
+        /// Names of the numbers in the message.
         found: String,
-        /// The numbers of the first message.
+        /// Names of the numbers in the first message.
         expected: String,
     },
 }
@@ -122,7 +122,7 @@ pub struct Message<'l> {
     pub data: Cow<'l, [u8]>,
 }
 
-/// An MCAP file of any writer.
+/// An MCAP file, written by any program.
 #[derive(Debug)]
 pub struct MessageLog<B> {
     bytes: B,
@@ -183,18 +183,18 @@ impl<B: AsRef<[u8]>> MessageLog<B> {
         }
     }
 
-    /// The channels, in the order of the file.
+    /// Returns the channels, in the order of the file.
     pub fn channels(&self) -> &[Channel] {
         &self.channels
     }
 
-    /// Describes the channels with their encodings and schemas, for error messages.
+    /// Returns a list of the channels with their encodings and schemas, for error messages.
     pub fn described(&self) -> String {
         let known: Vec<String> = self.channels.iter().map(ToString::to_string).collect();
         known.join(", ")
     }
 
-    /// Returns the channel with this name.
+    /// Returns the index and the decoder of the channel named `topic`.
     ///
     /// # Errors
     /// No channel has this name, or its messages cannot be decoded.
@@ -205,7 +205,7 @@ impl<B: AsRef<[u8]>> MessageLog<B> {
         Ok((index, self.decoder(index)?))
     }
 
-    /// Returns the decoder of a channel.
+    /// Returns the decoder of the channel at `index`.
     ///
     /// # Errors
     /// The messages cannot be decoded.
@@ -226,17 +226,17 @@ impl<B: AsRef<[u8]>> MessageLog<B> {
         })
     }
 
-    /// Name of the program that wrote the file; empty if unknown.
+    /// Returns the name of the program that wrote the file; empty if unknown.
     pub fn writer(&self) -> &str {
         &self.writer
     }
 
-    /// Times of the first and last message, ns; `None` without messages.
+    /// Returns the times of the first and last message, ns; `None` without messages.
     pub fn times(&self) -> Option<(u64, u64)> {
         self.times
     }
 
-    /// Describes the faults of the file: a missing end or damage.
+    /// Returns descriptions of the file's faults: a missing end or damage. Empty for an intact file.
     pub fn faults(&self) -> Vec<String> {
         self.damage.faults(self.is_whole, self.times.map_or(0, |(first, _)| first))
     }

@@ -1,5 +1,5 @@
-//! Schemas in the ROS 2 message format: the definition of a message, followed by the definitions of the types
-//! it uses, after lines of `=` and `MSG: NAME`.
+//! Schemas in the ROS 2 message format. The definition of a message is followed by the definitions of the
+//! types it uses, each after a line of `=` and a line `MSG: NAME`.
 
 use super::definition::{Item, Items, Named, SEPARATOR, Scalar};
 
@@ -9,7 +9,7 @@ const DIVIDER: usize = 3;
 /// Parses the definitions of a schema.
 ///
 /// # Errors
-/// The number of an invalid line.
+/// The number of the invalid line, with the reason.
 pub(crate) fn items(root: &str, text: &str) -> Result<Items, String> {
     let mut items = Items::new();
     let mut name = root.to_string();

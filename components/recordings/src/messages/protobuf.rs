@@ -233,7 +233,8 @@ impl Field {
         Some(Value::Number(number))
     }
 
-    /// Returns the value of a field that a message omits; `None` if it has none.
+    /// Returns the default value of a field that is absent from a message; `None` if the field has no
+    /// default.
     fn absent(&self) -> Option<Value> {
         if !self.is_implicit {
             return None;

@@ -7,29 +7,29 @@ use super::chunks::Chunk;
 use super::framing::{Frame, Frames, Summary};
 use super::lengths;
 
-/// Damage found while the records of a file were read.
+/// Damage found while reading the records of a file.
 #[derive(Debug, Clone, Default)]
 pub struct Damage {
     /// Times of the first and last message of each corrupted chunk, ns.
     pub chunks: Vec<(u64, u64)>,
     /// Names of corrupted attachments.
     pub attachments: Vec<String>,
-    /// Reasons why chunks cannot be read.
+    /// Reasons why chunks are unreadable, one per chunk.
     pub unreadable: Vec<String>,
-    /// Number of bytes that belong to no record.
+    /// Number of bytes that are not part of any record.
     pub skipped: u64,
     /// `true` if bytes outside chunks and attachments are corrupted.
     pub has_other: bool,
 }
 
 impl Damage {
-    /// Describes the faults of a file that begins at a time \[ns\], each as a predicate of the file.
+    /// Returns descriptions of the faults, each as a predicate such as "is incomplete". `is_whole` is `true`
+    /// if the end of the file is present, `begin_ns` the time of its start \[ns\].
     pub fn faults(&self, is_whole: bool, begin_ns: u64) -> Vec<String> {
         let mut faults = Vec::new();
         if !is_whole {
             faults.push(
-                "is incomplete: everything that it contains is read (`motorium recover` completes it)"
-                    .to_string(),
+                "is incomplete: all existing records are read (`motorium recover` completes it)".to_string(),
             );
         }
         faults.extend(damaged(&self.chunks, begin_ns));
@@ -40,7 +40,7 @@ impl Damage {
             faults.push("is damaged: bytes outside of its chunks changed after writing".to_string());
         }
         if is_whole && self.skipped > 0 {
-            faults.push(format!("is damaged: {} bytes of it cannot be read", self.skipped));
+            faults.push(format!("is damaged: {} bytes cannot be read", self.skipped));
         }
         if let Some(reason) = self.unreadable.first() {
             let count = self.unreadable.len();
@@ -49,7 +49,7 @@ impl Damage {
         faults
     }
 
-    /// Returns `true` if something other than the end of the file is damaged.
+    /// Returns `true` if the file has damage other than a missing end.
     pub fn is_any(&self) -> bool {
         let Self { chunks, attachments, unreadable, has_other, .. } = self;
         !chunks.is_empty() || !attachments.is_empty() || !unreadable.is_empty() || *has_other
@@ -69,7 +69,7 @@ fn damaged(chunks: &[(u64, u64)], begin: u64) -> Option<String> {
     ))
 }
 
-/// An iterator over all records in file order that skips damage.
+/// An iterator over all records in file order, in and outside chunks. It skips damaged bytes.
 #[derive(Debug)]
 pub struct Records<'a> {
     file: &'a [u8],
@@ -77,9 +77,9 @@ pub struct Records<'a> {
     /// A record that was read ahead.
     next: Option<Frame<'a>>,
     chunk: Option<Chunk<'a>>,
-    /// Number of chunks so far.
+    /// Number of chunks read.
     pub chunks: usize,
-    /// The damage so far.
+    /// Damage found in the records read.
     pub damage: Damage,
     /// `true` once the end of the data has been reached.
     pub is_whole: bool,
@@ -102,7 +102,7 @@ impl<'a> Records<'a> {
         }
     }
 
-    /// Returns `true` if the latest record comes from a damaged chunk.
+    /// Returns `true` if the latest record is from a damaged chunk.
     pub fn is_damaged(&self) -> bool {
         self.chunk.as_ref().is_some_and(|chunk| chunk.is_damaged)
     }

@@ -39,7 +39,7 @@ impl fmt::Display for Number {
     }
 }
 
-/// A message, or a part of one.
+/// A decoded message or one of its fields.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Value {
     /// A number.
@@ -64,7 +64,7 @@ pub enum Leaf<'v> {
 }
 
 impl Value {
-    /// Returns the part at a path such as `pose.position.x` or `joints[2].position`; the value itself at the
+    /// Returns the value at a path such as `pose.position.x` or `joints[2].position`; the whole value at the
     /// path "".
     ///
     /// ```
@@ -97,7 +97,7 @@ impl Value {
         Some(value)
     }
 
-    /// Returns the entries of an array of numbers; a single number is one entry.
+    /// Returns the entries of an array of numbers, or a single number as one entry; `None` for other values.
     pub fn numbers(&self) -> Option<Vec<f64>> {
         match self {
             Self::Number(number) => Some(vec![number.as_f64()]),
@@ -113,7 +113,7 @@ impl Value {
         }
     }
 
-    /// Returns the entries of an array of strings.
+    /// Returns the entries of an array of strings; `None` for other values.
     pub fn texts(&self) -> Option<Vec<&str>> {
         let Self::List(entries) = self else { return None };
         entries
@@ -125,7 +125,8 @@ impl Value {
             .collect()
     }
 
-    /// Visits all numbers and strings with their paths, in order. Arrays of bytes are skipped.
+    /// Calls `visit` with the path and content of every number and string, in order. Arrays of bytes are
+    /// skipped.
     pub fn visit<'v>(&'v self, visit: &mut impl FnMut(&str, Leaf<'v>)) {
         self.visit_at(&mut String::new(), visit);
     }
@@ -156,9 +157,9 @@ impl Value {
         }
     }
 
-    /// Returns the names of the entries of the array of numbers at a path. They are an adjacent list of
-    /// strings with the same length, called `name`, `names` or `joint_names`, as in
-    /// `sensor_msgs/msg/JointState`.
+    /// Returns the names of the entries of the array of numbers at a path; `None` if it has no names. The
+    /// names are an adjacent list of strings with the same length, called `name`, `names` or `joint_names`,
+    /// as in `sensor_msgs/msg/JointState`.
     pub fn names_of(&self, path: &str) -> Option<Vec<&str>> {
         let entries = self.get(path)?.numbers()?.len();
         let parent = path.rsplit_once('.').map_or("", |(parent, _)| parent);

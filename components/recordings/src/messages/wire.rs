@@ -9,7 +9,7 @@ pub const BYTES: u32 = 2;
 /// Wire type of four bytes.
 pub const FIXED_32: u32 = 5;
 
-/// Appends a varint: groups of seven bits.
+/// Appends a number as a varint: groups of seven bits, lowest first.
 pub fn varint(mut number: u64, out: &mut Vec<u8>) {
     while number >= 0x80 {
         out.push(number as u8 | 0x80);
@@ -18,7 +18,7 @@ pub fn varint(mut number: u64, out: &mut Vec<u8>) {
     out.push(number as u8);
 }
 
-/// Appends the key of a field.
+/// Appends a field's key: its number and wire type.
 pub fn key(field: u32, wire: u32, out: &mut Vec<u8>) {
     varint(u64::from(field) << 3 | u64::from(wire), out);
 }
@@ -30,12 +30,12 @@ pub fn bytes(field: u32, content: &[u8], out: &mut Vec<u8>) {
     out.extend_from_slice(content);
 }
 
-/// Returns the zigzag encoding of a signed number, which keeps small magnitudes short.
+/// Returns the zigzag encoding of a signed number, in which numbers of small magnitude are short.
 pub fn zigzag(number: i64) -> u64 {
     (number << 1 ^ number >> 63) as u64
 }
 
-/// Decodes a zigzag number.
+/// Decodes a zigzag-encoded number.
 pub fn unzigzag(form: u64) -> i64 {
     (form >> 1) as i64 ^ -((form & 1) as i64)
 }
@@ -65,7 +65,7 @@ pub fn take_varint(message: &mut &[u8]) -> Option<u64> {
     None
 }
 
-/// Reads a field from the start of a message: number and content. `None` if it is damaged.
+/// Reads a field from the start of a message and returns its number and content; `None` if it is damaged.
 pub fn take<'a>(message: &mut &'a [u8]) -> Option<(u32, Read<'a>)> {
     let key = take_varint(message)?;
     let field = u32::try_from(key >> 3).ok()?;

@@ -12,9 +12,9 @@ use crate::{exit, report, style};
 
 /// Compare two files of `motorium bench latency --json`.
 ///
-/// Compares ratios to the floors of each file, never times. A change counts if it exceeds 10 % and the
-/// variation of the turns within each file; with fewer than five turns, if it exceeds 50 %. Exit code 6 if
-/// anything is slower.
+/// Compares the ratios of times to the floors of their file, never the times themselves. A change counts if
+/// it exceeds 10 % and the variation between the turns of each file. With fewer than five turns, it counts if
+/// it exceeds 50 %. The exit code is 6 if any measurement is slower.
 ///
 /// Example: motorium bench compare before.json after.json
 #[derive(Debug, clap::Args)]
@@ -95,7 +95,7 @@ fn word(change: &Change) -> String {
     }
 }
 
-/// A ratio, with its range if there are several measurements.
+/// Returns a ratio, with its range if there are several measurements.
 fn side(ratio: f64, [low, high]: [f64; 2]) -> String {
     let number = |ratio: f64| match ratio {
         100.0.. => format!("{ratio:.0}"),

@@ -32,13 +32,13 @@ pub(crate) struct Kill {
     /// Largest number of faults in one run
     #[arg(long, default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..))]
     per_run: u32,
-    /// Seed of the choice of victims, faults and times
+    /// Seed for choosing victims, faults and times
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Hit only these: names of components, launcher, guard, observer
+    /// Send signals only to these processes: a component by name, `launcher`, `guard` or `observer`
     #[arg(long, value_name = "NAME", num_args = 1..)]
     victim: Vec<String>,
-    /// Make only these faults
+    /// Inject only these faults
     #[arg(long, value_name = "FAULT", num_args = 1..,
           value_parser = ["kill", "abort", "segfault", "terminate", "hang", "pause"])]
     fault: Vec<String>,
@@ -120,7 +120,7 @@ impl Kill {
 
 const COLUMNS: [&str; 6] = ["hit", "fault", "count", "detected, ms", "safe, ms", "back, ms"];
 
-/// p50, p99 and the largest value, ms.
+/// Returns the p50, p99 and the largest value, ms.
 fn times(times: &Distribution) -> String {
     if times.count == 0 {
         return "-".to_string();
@@ -155,7 +155,8 @@ fn row(cells: &[String]) -> String {
     format!("| {} |\n", cells.join(" | "))
 }
 
-/// One row per fault and one column per process: the behaviour of the robot and the outcome for the process.
+/// Returns one row per fault and one column per process: the behaviour of the robot and the outcome for the
+/// process.
 fn matrix(settings: &Settings, summary: &Summary) -> String {
     let head: Vec<String> =
         ["fault".to_string()].into_iter().chain(settings.victims.iter().map(ToString::to_string)).collect();

@@ -21,10 +21,10 @@ use crate::{exit, registry, style};
 /// `SCHED_FIFO` priority of the measured processes, equal to the fastest component's in a graph.
 const FIFO: u8 = 80;
 
-/// Floors of the machine, motorium and peers side by side.
+/// Measure the floors of the machine, motorium and its peers side by side.
 ///
-/// Measures in one run the floors of this machine (a cache line, a futex, a timer) and motorium, and reports
-/// which targets are met. No sample is dropped: the maximum is the longest of all.
+/// Measures the floors of this machine (a cache line, a futex, a timer) and motorium in one run, and reports
+/// which targets are met. No sample is dropped, so the maximum is the longest time of all samples.
 ///
 /// Example: motorium bench latency --output bench.json --plot bench.svg
 #[derive(Debug, clap::Args)]
@@ -39,10 +39,11 @@ pub(crate) struct Latency {
     /// Draw latency against percentile into this file
     #[arg(long, value_name = "FILE.svg")]
     plot: Option<PathBuf>,
-    /// Measure only these: names as in the table, or their beginnings up to a dot, such as `hop.blocking`
+    /// Measure only these cases: names from the table, or their beginnings up to a dot, such as
+    /// `hop.blocking`
     #[arg(long, value_name = "NAME", num_args = 1..)]
     only: Vec<String>,
-    /// Samples of each hop
+    /// Number of samples of each hop
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(100..=10_000_000))]
     samples: Option<u32>,
     /// Duration of each graph, s: 1000 samples of a chain or of the Panda loop in each second
@@ -51,11 +52,11 @@ pub(crate) struct Latency {
     /// The tool that loads the machine for measurements under load [default: the first that is installed]
     #[arg(long, value_name = "TOOL", value_parser = ["stress-ng", "hackbench", "own"])]
     load: Option<String>,
-    /// Fewer and shorter measurements, in well under a minute: only for the targets of hops, releases and the
-    /// chain of 4
+    /// Take fewer and shorter measurements, in well under a minute: only for the targets of hops, releases
+    /// and the chain of 4
     #[arg(long)]
     quick: bool,
-    /// Measure other systems too, as far as they are installed (see benches/peers)
+    /// Also measure other systems that are installed (see benches/peers)
     #[arg(long)]
     peers: bool,
     /// Fail (exit code 6) when hops or releases exceed their bounds, as ratios to the floors of this run
@@ -64,7 +65,7 @@ pub(crate) struct Latency {
 }
 
 impl Latency {
-    /// The load generator.
+    /// Returns the load generator.
     fn loader(&self) -> anyhow::Result<Loader> {
         let Some(name) = &self.load else { return Ok(Loader::detect()) };
         Loader::named(name)
@@ -246,7 +247,7 @@ fn denied(measurements: &[Measurement]) -> Vec<String> {
     )]
 }
 
-/// The curves to draw: all requested ones, or those compared by the targets.
+/// Returns the curves to draw: all requested ones, or those compared by the targets.
 fn drawn(measurements: &[Measurement], choice: bool) -> Vec<&Measurement> {
     let compared = [
         "floor.cache-line",

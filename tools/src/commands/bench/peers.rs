@@ -36,7 +36,7 @@ enum Line {
 pub(super) fn measure(core: usize, mut report: impl FnMut(Result<Measurement, Skipped>)) {
     let mut fail = |reason: String| report(Err(Skipped { name: "peers".to_string(), reason }));
     if !Path::new(SCRIPT).is_file() {
-        return fail(format!("there is no {SCRIPT} here: start this in a checkout of motorium"));
+        return fail(format!("{SCRIPT} was not found: run this command in a checkout of motorium"));
     }
     let child =
         Command::new(SCRIPT).arg(core.to_string()).stdin(Stdio::null()).stdout(Stdio::piped()).spawn();

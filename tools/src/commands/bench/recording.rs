@@ -23,11 +23,11 @@ use crate::{registry, report};
 
 /// Run a graph alternately with and without a recorder of all topics, and compare its times.
 ///
-/// Each turn is a run without and a run with `--record`, in real time. With `--view` a client of `motorium
-/// view` also subscribes to every channel of the recorded run. Prints, for each latency of the graph and the
-/// execution time of each component, the medians of the turns and the ratio with / without, with the smallest
-/// and the largest ratio of any turn: if they are on both sides of 1, the recorder's cost is below the noise.
-/// Run it on an idle machine.
+/// Each turn consists of a run without and a run with `--record`, in real time. With `--view`, a client of
+/// `motorium view` also subscribes to every channel of the recorded run. Prints medians over the turns for
+/// each latency of the graph and the execution time of each component. The ratio with / without recorder is
+/// printed with its smallest and largest value in any turn. If these are on both sides of 1, the recorder's
+/// cost is below the noise. Run it on an idle machine.
 ///
 /// Example: motorium bench recording graphs/panda-reach.toml --turns 9
 #[derive(Debug, clap::Args)]
@@ -180,7 +180,7 @@ impl Recording {
 }
 
 impl Row {
-    /// Ratio of the medians, and the smallest and largest ratio of a turn.
+    /// Returns the ratio of the medians, and the smallest and largest ratio of a turn.
     fn ratios(&self, which: usize) -> [f64; 3] {
         let [without, with] = &self.times[which];
         let of_turns = with.iter().zip(without).map(|(with, without)| with / without.max(1.0));
@@ -205,8 +205,8 @@ impl Row {
     }
 }
 
-/// Quantile of a histogram, ns, interpolated linearly within its bucket. Buckets have a relative width of up
-/// to 1/32, more than the cost of a recorder.
+/// Returns the quantile of a histogram, ns, interpolated linearly within its bucket. Buckets have a relative
+/// width of up to 1/32, more than the cost of a recorder.
 fn quantile(snapshot: &Snapshot, share: f64) -> f64 {
     let (wanted, mut seen) = (share * snapshot.count() as f64, 0.0);
     // The last bucket is filled up to this point.

@@ -10,14 +10,14 @@ use crate::{report, style};
 const NAME: usize = 27;
 const WHAT: usize = 63;
 
-/// Header of the table.
+/// Returns the header of the table.
 pub(super) fn header() -> String {
     let columns = ["p50", "p99", "p99.9", "max"].map(|column| format!("{column:>9}")).join(" ");
     let line = format!("{:NAME$} {columns} {:>9}  {:WHAT$} host's share", "name", "samples", "us; what");
     style::strong(line).to_string()
 }
 
-/// Row of one measurement, made on this core.
+/// Returns the row of one measurement, made on this core.
 pub(super) fn row(measurement: &Measurement, core: usize) -> String {
     let ns = &measurement.ns;
     // unknown for a peer's own tool
@@ -31,7 +31,7 @@ pub(super) fn row(measurement: &Measurement, core: usize) -> String {
     line.trim_end().to_string()
 }
 
-/// A duration in microseconds; nanoseconds are shown below ten.
+/// Returns a duration in microseconds; nanoseconds are shown below ten.
 fn microseconds(ns: u64) -> String {
     match ns {
         ..10_000 => format!("{:.3}", ns as f64 * 1e-3),
@@ -40,7 +40,7 @@ fn microseconds(ns: u64) -> String {
     }
 }
 
-/// Closing part of the table: denied privileges, omitted measurements, and targets.
+/// Returns the closing part of the table: denied privileges, omitted measurements, and targets.
 pub(super) fn closing(written: &Written) -> String {
     let mut text = String::new();
     for denied in &written.denied {
@@ -74,7 +74,7 @@ pub(super) fn closing(written: &Written) -> String {
     text
 }
 
-/// The hop across cores with a sleeping receiver; in a ping-pong without a pause it never sleeps.
+/// Returns the hop across cores with a sleeping receiver; in a ping-pong without a pause it never sleeps.
 fn beside_a_sleeper(written: &Written) -> Option<String> {
     let of = |name: &str| written.get(name).map(|measurement| measurement.ns.p50);
     let (hop, floor) = (of("hop.blocking.across.1khz.512")?, of("floor.futex.across.1khz")?);

@@ -37,11 +37,11 @@ pub(super) struct Proposal {
     pub(super) share: f64,
 }
 
-/// A margin is a fraction of the value it is added to.
+/// Parses a margin: a fraction of the value to which it is added.
 pub(super) fn parse_margin(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(margin) if (0.0..=100.0).contains(&margin) => Ok(margin),
-        Ok(_) => Err("a margin is 0 or more, such as 0.5 for half as much again".to_string()),
+        Ok(_) => Err("expected a margin of 0 or more, such as 0.5 for 50 % more".to_string()),
         Err(error) => Err(error.to_string()),
     }
 }
@@ -77,7 +77,7 @@ fn round_up(ns: u64) -> u64 {
     ns.div_ceil(unit).max(1) * unit
 }
 
-/// The proposals as a table, and as lines for the graph file.
+/// Returns the proposals as a table, and as lines for the graph file.
 pub(super) fn describe(proposals: &[Proposal], report: &Report) -> String {
     let time = |ns: u64| TimeSpan { ns }.to_string();
     let mut rows = table([

@@ -115,9 +115,9 @@ struct Beside {
     ns: [u64; 2],
 }
 
-/// Cost of the worker per step, and the additional cost of a release by the clock: the maximum over
-/// components, at p50 or p99, whichever is larger. `hop` is the duration of a hand-over on a core, p50 and
-/// p99.
+/// Returns the cost of the worker per step, and the additional cost of a release by the clock: the maximum
+/// over components, at p50 or p99, whichever is larger. `hop` is the duration of a hand-over on a core, p50
+/// and p99.
 fn split(besides: &[Beside], hop: [u64; 2]) -> (u64, u64) {
     let most = |release: Released, less: [u64; 2]| {
         let of = besides.iter().filter(|beside| beside.release == release);

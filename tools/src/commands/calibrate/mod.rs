@@ -27,8 +27,8 @@ use crate::{overheads, registry, style};
 
 /// Measure this machine and the components of a graph, and propose budgets.
 ///
-/// Runs the graph in real time, even if its budgets cannot hold. Stop other work first: disturbances count as
-/// overhead of the machine.
+/// Runs the graph in real time, even if its budgets are not feasible. Stop other work first: disturbances
+/// count as overhead of the machine.
 ///
 /// Example: motorium calibrate graphs/panda-reach.toml --for 30s --save
 #[derive(Debug, clap::Args)]
@@ -41,7 +41,7 @@ pub(crate) struct Calibrate {
     /// Execution time that a budget covers
     #[arg(long, value_enum, default_value = "p999")]
     cover: Cover,
-    /// Margin above it, as a fraction
+    /// Margin added to this execution time, as a fraction of it
     #[arg(long, default_value_t = 0.5, value_parser = budgets::parse_margin)]
     margin: f64,
     /// Save the overheads of the machine: `check` and `run` on this machine use them from then on

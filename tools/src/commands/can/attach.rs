@@ -11,7 +11,7 @@ use super::interface::refused;
 use crate::interrupt::interrupted;
 use crate::out::outln;
 
-/// Make an slcan adapter on a serial line a kernel interface, until Ctrl-C.
+/// Attach an slcan adapter on a serial line as a kernel interface, until Ctrl-C.
 ///
 /// Sets the bitrate of the adapter, attaches the kernel driver to the line, brings the interface up, and
 /// prints its name. Needs network administration rights (`sudo`), and the driver: `sudo modprobe slcan`.

@@ -16,8 +16,8 @@ use crate::{registry, robots};
 
 /// Measure the offsets of the drives of a graph, while the robot is held in a pose of its profile.
 ///
-/// No drive is enabled. If another program commands a drive, the command stops. Readable drive settings are
-/// compared with the table first. Prints the entries for the drive table, and changes no file.
+/// No drive is enabled. The command stops if another program commands a drive. Readable drive settings are
+/// compared with the drive table first. Prints the entries for the drive table, and changes no file.
 ///
 /// Example: motorium can calibrate graphs/arm-can.toml --pose ready
 #[derive(Debug, clap::Args)]
@@ -27,10 +27,10 @@ pub(super) struct Calibrate {
     /// The pose in which the robot is held, from its profile or SRDF
     #[arg(long, value_name = "NAME")]
     pose: String,
-    /// The adapter, for a graph with several
+    /// Name of the `can.adapter` component, for a graph with several
     #[arg(long, value_name = "COMPONENT")]
     adapter: Option<String>,
-    /// Duration of measuring
+    /// Duration of the measurement
     #[arg(long = "for", value_name = "TIME", default_value = "1s", allow_hyphen_values = true)]
     time: TimeSpan,
     /// Print JSON
@@ -74,7 +74,7 @@ impl Calibrate {
         Ok(ExitCode::SUCCESS)
     }
 
-    /// The named adapter, or the only one.
+    /// Returns the named adapter, or the only one.
     fn one(&self, mut found: Vec<Found>) -> anyhow::Result<Found> {
         let names: Vec<String> = found.iter().map(|found| found.component.clone()).collect();
         if let Some(name) = &self.adapter {
@@ -83,7 +83,10 @@ impl Calibrate {
         match (found.pop(), found.is_empty()) {
             (Some(found), true) => Ok(found),
             (Some(_), false) => {
-                anyhow::bail!("several adapters: name one by `--adapter`: {}", names.join(", "))
+                anyhow::bail!(
+                    "the graph has several adapters; name one with `--adapter`: {}",
+                    names.join(", ")
+                )
             }
             (None, _) if names.is_empty() => {
                 anyhow::bail!("the graph has no component of the kind `can.adapter`")

@@ -12,7 +12,8 @@ use crate::failure::{Failure, Kind};
 use crate::out::{out, outln};
 use crate::registry;
 
-/// Check the load of a graph's CAN buses: bits with maximum stuffing, turn-round, share of the cycle.
+/// Check the load of a graph's CAN buses: bits with maximum stuffing, turnaround times, fraction of the
+/// cycle.
 ///
 /// The exit code is 3 if the graph is invalid, such as when the frames of a cycle do not fit.
 ///
@@ -56,7 +57,7 @@ impl Check {
     }
 }
 
-/// The adapters of a plan.
+/// Returns the adapters of a plan.
 pub(super) fn adapters(plan: &Plan) -> anyhow::Result<Vec<Found>> {
     plan.components.iter().filter(|component| is_adapter(component)).map(found).collect()
 }
@@ -111,7 +112,7 @@ fn value(found: &Found) -> Value {
     json!({ "component": found.component, "buses": found.budgets().map(bus).collect::<Vec<_>>(), "homing": homing })
 }
 
-/// Drives that are homed before any drive is enabled, in order.
+/// Returns the drives that are homed before any drive is enabled, in order.
 fn homed(table: &Table) -> impl Iterator<Item = (u8, &DriveEntry)> {
     let order = |drive: &DriveEntry| drive.homing.as_ref().and_then(|homing| homing.order).unwrap_or(0);
     let mut drives: Vec<_> = table.drives.iter().filter(|drive| drive.is_homed()).collect();

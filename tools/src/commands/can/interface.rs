@@ -2,7 +2,7 @@
 
 use motorium_can::OpenError;
 
-/// Error of an interface that cannot be opened, with the next step.
+/// Returns the error of an interface that cannot be opened, with the next step.
 pub(super) fn refused(error: OpenError) -> anyhow::Error {
     anyhow::anyhow!("{error}\n  {}", error.advice())
 }

@@ -19,9 +19,9 @@ use crate::out::{errln, outln};
 
 /// Print the frames of CAN buses, in the format of `candump -L`, or write them to a file.
 ///
-/// Controller reports are written as error frames, as by candump. With `--dbc` each printed line ends in the
-/// decoded signals, after `::`. The exit code is 1 if nothing was received, and 3 if a line of the log or the
-/// database is invalid.
+/// Controller reports are written as error frames, as by candump. With `--dbc`, each printed line ends with
+/// the decoded signals, after `::`. The exit code is 1 if nothing was received, and 3 if a line of the log or
+/// the database is invalid.
 ///
 /// Example: motorium can log can0 can1 --for 10s --output ride.log
 #[derive(Debug, clap::Args)]
@@ -35,7 +35,7 @@ pub(super) struct Log {
     /// Duration [default: until Ctrl-C]
     #[arg(long = "for", value_name = "TIME", allow_hyphen_values = true)]
     time: Option<TimeSpan>,
-    /// End after this number of frames
+    /// Stop after this number of frames
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     count: Option<u64>,
     /// File to write to [default: standard output]

@@ -18,8 +18,8 @@ use crate::screen::is_drawable;
 
 /// Show the traffic of CAN buses: frames, rates, ages and errors, by identifier.
 ///
-/// On a terminal the table is redrawn in place; elsewhere it is printed once each interval. With `--dbc` the
-/// newest frame of each identifier is decoded.
+/// On a terminal, the table is redrawn in place; elsewhere, it is printed once per interval. With `--dbc`,
+/// the newest frame of each identifier is decoded.
 ///
 /// Example: motorium can monitor can0 --bitrate 1000000
 #[derive(Debug, clap::Args)]
@@ -27,7 +27,7 @@ pub(super) struct Monitor {
     /// The interfaces, such as `can0`, or `unix:NAME` of a simulated bus [default: the kernel's interfaces
     /// that are up]
     interfaces: Vec<String>,
-    /// Bits per second, for the load [default: the interface's]
+    /// Bits per second, for computing the load [default: the interface's]
     #[arg(long, value_name = "BITS")]
     bitrate: Option<u32>,
     /// Bits per second of the data of CAN FD frames

@@ -15,38 +15,39 @@ use crate::report::table;
 
 /// List the CAN interfaces of this computer, or the devices on one of them.
 ///
-/// Without an interface it lists them. With one it reads the registers of Damiao drives 1 to 15, which
-/// changes nothing, and listens for the heartbeats of ODrives and CANopen nodes. It never enables a drive.
+/// Without an interface, the command lists the interfaces. With one, it reads the registers of Damiao drives
+/// 1 to 15, which has no side effects, and listens for the heartbeats of ODrives and CANopen nodes. It never
+/// enables a drive.
 ///
-/// With `--fd` it reads the registers of moteus 1 to 126 as well, by frames of CAN FD. A classic-only node
-/// disturbs them until the interface is bus-off: use it only if every node supports CAN FD, and while no
-/// robot runs on the bus. The search does not start after a classic frame or an error, and stops at the first
-/// error.
+/// With `--fd`, it also reads the registers of moteus drives 1 to 126 with CAN FD frames. A node without CAN
+/// FD disturbs these frames until the interface is bus-off. Use `--fd` only if every node supports CAN FD and
+/// no robot runs on the bus. The search does not start after a classic frame or an error, and stops at the
+/// first error.
 ///
-/// A path is a serial line. An slcan adapter is detected by its version, and its bus is scanned with
-/// `--bitrate`. On any other line servos are searched at several speeds, by polling each number.
+/// A path selects a serial line. An slcan adapter is detected by its version, and its bus is scanned at
+/// `--bitrate`. On any other line, servos are searched at several speeds, by polling each number.
 ///
 /// The exit code is 1 if no interface exists, or no device is found on the named one.
 ///
 /// Example: motorium can scan can0
 #[derive(Debug, clap::Args)]
 pub(super) struct Scan {
-    /// The interface, such as `can0` or `/dev/ttyACM0`; default: list the kernel's
+    /// The interface, such as `can0` or `/dev/ttyACM0` [default: list the kernel's interfaces]
     interface: Option<String>,
     /// Bits per second of the bus of an slcan adapter [default: 1000000]
     #[arg(long, value_name = "BITS", requires = "interface")]
     bitrate: Option<u32>,
-    /// Bits per second of the data of CAN FD frames behind such an adapter
+    /// Bits per second of the data of CAN FD frames on the bus of an slcan adapter
     #[arg(long, value_name = "BITS", requires = "interface")]
     data_bitrate: Option<u32>,
-    /// Also search for CAN FD drives, on a bus whose nodes all support it; with an slcan adapter also set
-    /// `--data-bitrate`
+    /// Also search for CAN FD drives, on a bus whose nodes all support CAN FD; with an slcan adapter, also
+    /// set `--data-bitrate`
     #[arg(long, requires = "interface")]
     fd: bool,
-    /// Speeds for the search of servos on a serial line, bit/s [default: all usual ones]
+    /// Speeds at which to search for servos on a serial line, bit/s [default: all usual speeds]
     #[arg(long, value_delimiter = ',', requires = "interface")]
     speed: Vec<u32>,
-    /// Duration of listening to a CAN bus [default: 1 s]
+    /// Time to listen to a CAN bus [default: 1 s]
     #[arg(long = "for", value_name = "TIME", requires = "interface", allow_hyphen_values = true)]
     time: Option<TimeSpan>,
     /// Print JSON
@@ -114,7 +115,7 @@ impl Scan {
             _ => self.time.is_some(),
         };
         match options.iter().find(|option| given(option)) {
-            Some(option) => anyhow::bail!("`{option}` does nothing on {bus}: leave it out"),
+            Some(option) => anyhow::bail!("`{option}` has no effect on {bus}: leave it out"),
             None => Ok(()),
         }
     }
@@ -193,8 +194,8 @@ fn devices(found: &Found) -> Vec<Value> {
     found.devices.iter().map(device).collect()
 }
 
-/// Outcome of the search for CAN FD drives, and the number at which it stopped; `null` if it was not
-/// requested.
+/// Returns the outcome of the search for CAN FD drives, and the number at which it stopped; `null` if it was
+/// not requested.
 fn fd_search(search: FdSearch) -> Value {
     match search {
         FdSearch::NotWanted => Value::Null,

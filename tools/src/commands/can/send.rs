@@ -18,7 +18,8 @@ use crate::out::errln;
 /// Send frames onto a CAN bus, or play a log.
 ///
 /// A frame is written as candump does: `123#0102`, `123##10102` (CAN FD), `00000123#01` (29 bits), `123#R`
-/// (remote). A log is played with its pauses. Enabled drives obey frames addressed to them: mind the robot.
+/// (remote). A log is played with its original timing. Enabled drives follow commands addressed to them, so
+/// the robot may move.
 ///
 /// The exit code is 3 if a frame or a line of the log is invalid.
 ///
@@ -36,7 +37,7 @@ pub(super) struct Send {
     /// Repeat all frames after this time, `--count` times or until Ctrl-C
     #[arg(long, value_name = "TIME", conflicts_with = "log", allow_hyphen_values = true)]
     every: Option<TimeSpan>,
-    /// Number of times
+    /// Number of repetitions
     #[arg(long, value_name = "N", requires = "every")]
     count: Option<NonZeroU64>,
 }

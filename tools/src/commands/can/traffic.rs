@@ -128,7 +128,7 @@ impl Traffic {
         line.text = words.map_or_else(String::new, Decoded::to_string);
     }
 
-    /// The table at `now_us`, `seconds` after the last one; resets its counts.
+    /// Returns the table at `now_us`, `seconds` after the last one; resets its counts.
     pub(super) fn table(&mut self, now_us: u64, seconds: f64) -> Vec<BusRow> {
         let row = |(name, bus): (&String, &mut Bus)| {
             let new: u64 = bus.ids.values().map(|line| line.new).sum();

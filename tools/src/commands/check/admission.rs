@@ -10,7 +10,7 @@ use motorium::units::TimeSpan;
 use crate::report::table;
 use crate::style;
 
-/// Cores, components and latencies with their bounds, each with the terms of its sum.
+/// Returns the cores, components and latencies with their bounds, each with the terms of its sum.
 ///
 /// `origin` names the source of the overheads.
 pub(crate) fn describe(admission: &Admission, origin: &str) -> String {

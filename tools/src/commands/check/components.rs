@@ -7,7 +7,7 @@ use motorium::units::{Rate, TimeSpan};
 
 use crate::report::table;
 
-/// A table of all components.
+/// Returns a table of all components.
 pub(super) fn describe(plan: &Plan) -> String {
     let mut components = table([
         "component",
@@ -64,7 +64,8 @@ fn notes(plan: &Plan) -> String {
     text
 }
 
-/// Time within which each actuator reaches its safe state, even if another process loops on its core.
+/// Returns the time within which each actuator reaches its safe state, even if another process loops on its
+/// core.
 fn safe_within(plan: &Plan) -> String {
     let mut text = String::new();
     if plan.clock != ClockKind::Realtime {

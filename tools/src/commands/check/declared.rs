@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 
 use crate::style;
 
-/// The times as JSON.
+/// Returns the times as JSON.
 pub(super) fn to_json(times: &[DeclareTime]) -> Value {
     let time = |time: &DeclareTime| {
         json!({

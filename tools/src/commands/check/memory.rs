@@ -21,7 +21,7 @@ pub(super) struct TopicMemory<'a> {
     bytes: usize,
 }
 
-/// The shared memory of each topic.
+/// Returns the shared memory of each topic.
 pub(super) fn per_topic(plan: &Plan) -> Vec<TopicMemory<'_>> {
     let topics = plan.topics.iter();
     let memory = topics.map(|topic| TopicMemory {
@@ -35,7 +35,7 @@ pub(super) fn per_topic(plan: &Plan) -> Vec<TopicMemory<'_>> {
     memory.collect()
 }
 
-/// Table of all topics and their sum.
+/// Returns the table of all topics and their sum.
 pub(super) fn describe(plan: &Plan) -> String {
     let topics = per_topic(plan);
     let mut rows = table(["topic", "pattern", "type", "value", "slots", "memory"]);

@@ -41,7 +41,7 @@ pub(super) fn check() -> Vec<Finding> {
     ]
 }
 
-/// The kernel's build configuration, if it is available.
+/// Returns the kernel's build configuration, if it is available.
 fn configuration(version: &str) -> Option<String> {
     if let Some(text) = read(&format!("/boot/config-{}", release(version)?)) {
         return Some(text);
@@ -70,8 +70,8 @@ fn check_version(version: &str) -> Finding {
     Finding::pass("kernel", format!("Linux {release}"))
 }
 
-/// The preemption model, from the kernel's own report, the boot command line, or the build configuration, in
-/// this order.
+/// Returns the preemption model, from the kernel's own report, the boot command line, or the build
+/// configuration, in this order.
 fn preemption(
     version: &str,
     realtime: Option<&str>,

@@ -88,7 +88,7 @@ fn objects(shared: &Path, prefix: &str, user: Option<u32>) -> Vec<PathBuf> {
     found
 }
 
-/// Name prefixes of the objects of runs whose lock is held.
+/// Returns the name prefixes of the objects of runs whose lock is held.
 fn held(objects: &[PathBuf]) -> Vec<String> {
     let locks = objects.iter().filter(|path| is_held(path));
     locks
@@ -103,7 +103,7 @@ fn is_old(path: &Path) -> bool {
     made.is_ok_and(|made| made.elapsed().is_ok_and(|age| age > YOUNG))
 }
 
-/// Objects without any of the known name prefixes.
+/// Returns the objects without any of the known name prefixes.
 fn orphans(objects: Vec<PathBuf>, known: &[String]) -> Vec<PathBuf> {
     let is_known = |path: &Path| {
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();

@@ -117,7 +117,7 @@ fn idle_states(folder: &Path) -> Vec<IdleState> {
     states
 }
 
-/// Limit on the exit latency of idle states set through `/dev/cpu_dma_latency`, us.
+/// Returns the limit on the exit latency of idle states set through `/dev/cpu_dma_latency`, us.
 fn latency_limit() -> Option<u64> {
     let mut bytes = [0; 4];
     // Opening the file requests nothing; only writing does.

@@ -25,15 +25,15 @@ use leftovers::Leftovers;
 
 /// Check whether this machine is fit for real time, and print what to change.
 ///
-/// Without --clean, nothing is changed. The exit code is 0 if nothing failed, else 5.
+/// Without --clean, nothing is changed. The exit code is 0 if no check failed, otherwise 5.
 ///
 /// Example: motorium doctor --measure 60s
 #[derive(Debug, clap::Args)]
 pub(crate) struct Doctor {
-    /// Duration of the measurement of wake-ups; "0 s" leaves it out
+    /// Duration of the wake-up measurement; "0 s" skips it
     #[arg(long, value_name = "TIME", default_value = "5s", allow_hyphen_values = true)]
     measure: TimeSpan,
-    /// Remove what ended runs have left in shared memory
+    /// Remove objects that ended runs left in shared memory
     #[arg(long)]
     clean: bool,
     /// Print JSON

@@ -23,14 +23,14 @@ struct Table {
     latencies: Vec<LatencyReport>,
 }
 
-/// Finds the source: a file with the report of a run, or a run by its id or its graph's name; without an
-/// argument the latest run.
+/// Finds the source: a file with the report of a run, or a run by its id or its graph's name. Without an
+/// argument, it is the newest run.
 pub(super) fn find(what: Option<&str>) -> anyhow::Result<Source> {
     if let Some(path) = what.map(Path::new).filter(|path| path.is_file()) {
         let text = crate::input::text(path)?;
         let report: Report = serde_json::from_str(&text).with_context(|| {
             format!(
-                "{} is not a report of a run; `motorium run GRAPH.toml --json > report.json` makes one (a graph file goes \
+                "{} is not a report of a run; `motorium run GRAPH.toml --json > report.json` creates one (a graph file goes \
                  before the options)",
                 path.display()
             )

@@ -24,7 +24,7 @@ pub(crate) struct Draw {
     /// File to write [default: standard output]
     #[arg(long, short)]
     output: Option<PathBuf>,
-    /// Add measured values of a running graph (its id or name) or of a report by `motorium run --json`
+    /// Add measured values: of a running graph (by id or name), or from a report of `motorium run --json`
     /// [default: the newest running graph]
     #[arg(long, value_name = "RUN|REPORT", num_args = 0..=1)]
     measured: Option<Option<String>>,
@@ -64,7 +64,7 @@ impl Draw {
         if let Some(source) = &source {
             anyhow::ensure!(
                 source.fits(&plan),
-                "the report is of another graph than `{}`: no component has the same name; give the graph file that ran",
+                "the report belongs to another graph than `{}`: no component has the same name; pass the graph file of that run",
                 plan.name
             );
         }

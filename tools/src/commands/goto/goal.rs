@@ -21,7 +21,7 @@ pub(super) struct GoalArgs {
     /// Position of the end effector in the world, m
     #[arg(long, value_name = "X,Y,Z", value_parser = numbers::<3>, allow_hyphen_values = true)]
     position: Option<[f64; 3]>,
-    /// Orientation of the end effector in the world as a quaternion [default: of the previous goal]
+    /// Orientation of the end effector in the world as a quaternion [default: the previous goal's]
     #[arg(long, value_name = "X,Y,Z,W", value_parser = numbers::<4>, allow_hyphen_values = true)]
     orientation: Option<[f64; 4]>,
     /// Orientation as roll, pitch and yaw about the fixed axes x, y, z, rad
@@ -33,13 +33,13 @@ pub(super) struct GoalArgs {
     /// One position for every joint in order, or JOINT=POSITION for some, rad or m
     #[arg(long, value_name = "POSITIONS", allow_hyphen_values = true)]
     joints: Option<String>,
-    /// A pose of the robot's profile; `home` is its home pose
+    /// A pose of the robot's profile, such as `home`
     #[arg(long, value_name = "NAME", conflicts_with_all = ["position", "orientation", "rpy", "joints"])]
     pose: Option<String>,
     /// `open`, `close`, or a position of the fingers' joints, rad or m
     #[arg(long, value_name = "GOAL", allow_hyphen_values = true)]
     gripper: Option<Gripper>,
-    /// Duration of the motion; longer if the limits require it [default: the shortest]
+    /// Duration of the motion; longer if the limits require it [default: the shortest possible]
     #[arg(long, value_name = "TIME")]
     duration: Option<TimeSpan>,
 }
@@ -80,14 +80,14 @@ impl GoalArgs {
             let joints = robot.model.joint_count();
             anyhow::ensure!(
                 joint < MAX_JOINTS,
-                "the robot has {joints} joints, but a goal holds {MAX_JOINTS}"
+                "the robot has {joints} joints, but a goal supports at most {MAX_JOINTS}"
             );
             goal.set_joint(joint, position);
         }
         Ok(goal)
     }
 
-    /// Positions of joints by index; if a joint occurs twice, the last value is used.
+    /// Returns the positions of joints by index; if a joint occurs twice, the last value is used.
     fn positions(&self, robot: &Loaded, frame: Option<&str>) -> anyhow::Result<Vec<(usize, f64)>> {
         let mut positions = Vec::new();
         if let Some(name) = &self.pose {
@@ -105,7 +105,7 @@ impl GoalArgs {
     }
 }
 
-/// Positions of all joints in order, or of named ones.
+/// Returns the positions of all joints in order, or of named ones.
 fn joints(robot: &Loaded, text: &str) -> anyhow::Result<Vec<(usize, f64)>> {
     let model = &robot.model;
     let number = |text: &str| -> anyhow::Result<f64> {

@@ -33,8 +33,8 @@ const LINES: Duration = Duration::from_secs(1);
 /// Move the robot of a running graph to a goal, and wait for its arrival.
 ///
 /// A component of the graph must accept goals, as policy.trajectory does, from a topic that bridge.iceoryx2
-/// publishes. Limits and reach are checked before the goal is sent, collisions are not. The exit code is 1 if
-/// the goal is refused or missed.
+/// publishes. Limits and reach are checked before the goal is sent, but collisions are not. The exit code is
+/// 1 if the goal is refused or missed.
 ///
 /// Example: motorium goto panda-goto --position 0.4,0.1,0.5 --gripper open
 #[derive(Debug, clap::Args)]
@@ -47,7 +47,7 @@ pub(crate) struct Goto {
     /// The component that accepts the goal [default: the only one]
     #[arg(long, value_name = "COMPONENT", add = crate::complete::components())]
     component: Option<String>,
-    /// Longest time to wait for the arrival
+    /// Maximum time to wait for the arrival
     #[arg(long, value_name = "TIME", default_value = "60s")]
     within: TimeSpan,
     /// Print the end of the motion as JSON
@@ -106,8 +106,9 @@ fn send(run: &LivingRun, policy: &Policy<'_>, goal: &MotionGoal) -> anyhow::Resu
         goal.joint()
     );
     let bytes = encode(&policy.goals.layout, &text)?;
-    let feed = Feed::open(&run.folder.domain()?, policy.goals)
-        .with_context(|| format!("`{}` of run {} cannot be fed", policy.goals.name, run.folder.id()))?;
+    let feed = Feed::open(&run.folder.domain()?, policy.goals).with_context(|| {
+        format!("the goal cannot be published on `{}` of run {}", policy.goals.name, run.folder.id())
+    })?;
     feed.send(&bytes)?;
     Ok(feed)
 }

@@ -36,21 +36,21 @@ pub(super) fn config(schema: &Json, definitions: &Json) -> ExampleConfig {
     simplest_config(schema, definitions.0)
 }
 
-/// Required keys of a configuration with the simplest values.
+/// Returns the required keys of a configuration with the simplest values.
 pub(super) fn simplest_config(schema: &Json, definitions: &Json) -> ExampleConfig {
     let value = simplest(schema, Definitions(definitions), 0);
     let text = toml::to_string(&value).unwrap_or_default();
     ExampleConfig { text, value }
 }
 
-/// The first TOML block in a documentation text.
+/// Returns the first TOML block in a documentation text.
 fn fenced(description: &str) -> Option<&str> {
     let (_, rest) = description.split_once("```toml\n")?;
     let (text, _) = rest.split_once("```")?;
     Some(text)
 }
 
-/// The simplest value that a schema allows, as far as it can be derived.
+/// Returns the simplest value that a schema allows, as far as it can be derived.
 fn simplest(schema: &Json, definitions: Definitions<'_>, depth: usize) -> Json {
     let (schema, _) = definitions.resolve(schema);
     if depth > 8 {
@@ -93,7 +93,7 @@ fn simplest(schema: &Json, definitions: Definitions<'_>, depth: usize) -> Json {
     }
 }
 
-/// A fragment of a graph with a component of this kind.
+/// Returns a fragment of a graph with a component of this kind.
 pub(super) fn fragment(
     kind: &KindSource<'_>,
     declaration: &Declaration,
@@ -149,7 +149,7 @@ pub(super) fn fragment(
     text + &tables + &config_tables(&name, &config.text)
 }
 
-/// The `config` table of a component and the tables in it.
+/// Returns the `config` table of a component and the tables in it.
 fn config_tables(name: &str, config: &str) -> String {
     if config.trim().is_empty() {
         return String::new();
@@ -170,7 +170,7 @@ fn config_tables(name: &str, config: &str) -> String {
     text
 }
 
-/// Default component name for a kind: the last part of the kind's name.
+/// Returns the default component name for a kind: the last part of the kind's name.
 fn component_name(kind: &str) -> String {
     let last = kind.rsplit('.').next().unwrap_or(kind).to_lowercase();
     let kept = |c: char| if c.is_ascii_alphanumeric() || c == '-' { c } else { '_' };

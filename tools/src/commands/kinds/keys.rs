@@ -152,7 +152,7 @@ fn inner<'a>(schema: &'a Json, definitions: Definitions<'a>) -> &'a Json {
     }
 }
 
-/// Readable type of a value.
+/// Returns a readable type of a value.
 fn kind(schema: &Json, definitions: Definitions<'_>) -> String {
     let schema = inner(schema, definitions);
     if let Some(value) = schema.get("const") {

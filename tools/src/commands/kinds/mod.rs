@@ -18,8 +18,8 @@ use source::KindSource;
 
 /// List the kinds of components, or describe one: ports, parameters, configuration, an example.
 ///
-/// The source is the kind's declaration and the JSON Schema of its configuration. Ports and
-/// parameters may depend on both robot and configuration: they belong to the example.
+/// The description comes from the kind's declaration and the JSON Schema of its configuration. Ports and
+/// parameters may depend on the robot and the configuration; the printed ones belong to the example.
 ///
 /// Example: motorium kinds control.qp
 #[derive(Debug, clap::Args)]

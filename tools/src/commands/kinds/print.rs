@@ -13,7 +13,7 @@ use crate::style;
 /// Line width in characters.
 const WIDTH: usize = 80;
 
-/// One line for each kind.
+/// Returns one line for each kind.
 pub(super) fn list(kinds: &[KindSource<'_>]) -> String {
     let width = kinds.iter().map(|kind| kind.name().len()).max().unwrap_or(0);
     let mut text = String::new();
@@ -27,7 +27,7 @@ pub(super) fn list(kinds: &[KindSource<'_>]) -> String {
     text
 }
 
-/// Everything about a kind.
+/// Returns everything about a kind.
 pub(super) fn sheet(sheet: &Sheet) -> String {
     let mut text = String::new();
     for (index, line) in wrapped(&format!("{}: {}", sheet.kind, sheet.summary), WIDTH).iter().enumerate() {

@@ -55,7 +55,7 @@ pub(super) fn installed(registry: &Registry) -> Vec<KindSource<'_>> {
 }
 
 impl KindSource<'_> {
-    /// Name in graph files.
+    /// Returns the name in graph files.
     pub(super) fn name(&self) -> &str {
         match self {
             Self::BuiltIn(kind) => kind.name,
@@ -63,7 +63,7 @@ impl KindSource<'_> {
         }
     }
 
-    /// One line of explanation.
+    /// Returns one line of explanation.
     pub(super) fn summary(&self) -> &str {
         match self {
             Self::BuiltIn(kind) => kind.summary,
@@ -71,7 +71,7 @@ impl KindSource<'_> {
         }
     }
 
-    /// Other program that hosts the kind.
+    /// Returns the other program that hosts the kind.
     pub(super) fn program(&self) -> Option<&Path> {
         match self {
             Self::BuiltIn(_) => None,
@@ -79,7 +79,7 @@ impl KindSource<'_> {
         }
     }
 
-    /// Page of the book; every built-in kind has one.
+    /// Returns the page of the book; every built-in kind has one.
     pub(super) fn page(&self) -> Option<String> {
         match self {
             Self::BuiltIn(kind) => Some(format!("kinds/{}.md", kind.name.replace(['.', '_'], "-"))),
@@ -87,7 +87,7 @@ impl KindSource<'_> {
         }
     }
 
-    /// JSON Schema of its `config` table, and the referenced definitions.
+    /// Returns the JSON Schema of its `config` table, and the referenced definitions.
     pub(super) fn schema(&self) -> (Json, Json) {
         match self {
             Self::BuiltIn(kind) => kind.config_schema(),
@@ -117,7 +117,7 @@ impl KindSource<'_> {
         }
     }
 
-    /// Entry of the kind in the JSON list.
+    /// Returns the entry of the kind in the JSON list.
     pub(super) fn line(&self) -> Json {
         json!({ "kind": self.name(), "summary": self.summary(), "program": self.program(), "page": self.page() })
     }

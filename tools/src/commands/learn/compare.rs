@@ -11,9 +11,10 @@ use super::curves;
 use super::warnings::warn;
 use crate::out::outln;
 
-/// Run several policies on equal episodes of a task, and compare their returns with the first one's.
+/// Run several policies on the same episodes of a task, and compare their returns with the first policy's.
 ///
-/// Prints the interquartile mean of each and its difference from the first with a bootstrap interval of 95 %.
+/// Prints the interquartile mean of each policy, and its difference from the first policy's with a 95 %
+/// bootstrap interval.
 ///
 /// Example: motorium learn compare out/ppo out/a2c --task tasks/cart-pole.toml --curves out/curves.svg
 #[derive(Debug, clap::Args)]
@@ -21,13 +22,13 @@ pub(super) struct Compare {
     /// Folders of the policies, the baseline first
     #[arg(required = true, num_args = 2..)]
     policies: Vec<PathBuf>,
-    /// File of the task; the first policy's task.toml if not given
+    /// File of the task [default: the first policy's task.toml]
     #[arg(long, value_name = "FILE")]
     task: Option<PathBuf>,
-    /// Episodes of each policy
+    /// Number of episodes of each policy
     #[arg(long, default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     episodes: u32,
-    /// Seed of the starts of episodes
+    /// Seed of the initial states of episodes
     #[arg(long, default_value_t = 1000)]
     seed: u64,
     /// Write the training curves to an SVG file

@@ -32,7 +32,7 @@ impl Table {
         self.head.iter().position(|name| names.contains(&&name[..]))
     }
 
-    /// The finite numbers of a column against another.
+    /// Returns the finite numbers of a column against another.
     fn points(&self, x: usize, y: usize) -> Vec<[f64; 3]> {
         let number = |row: &[Option<f64>], column: usize| {
             row.get(column).copied().flatten().filter(|number| number.is_finite())
@@ -41,13 +41,13 @@ impl Table {
     }
 }
 
-/// A chart of lines against the steps of all worlds.
+/// Returns a chart of lines against the steps of all worlds.
 pub(super) fn chart(title: &str, y: &str, series: Vec<Series>) -> Chart {
     let (title, x, y) = (title.to_owned(), "steps".to_owned(), y.to_owned());
     Chart { title, x, y, log_x: false, log_y: false, series }
 }
 
-/// Mean return against steps.
+/// Returns the mean return against steps.
 pub(super) fn returns(folder: &Path) -> anyhow::Result<Series> {
     let table = Table::read(folder)?;
     let columns = table.column(&["steps", "labels"]).zip(table.column(&["mean_return"]));
@@ -59,7 +59,7 @@ pub(super) fn returns(folder: &Path) -> anyhow::Result<Series> {
     Ok(Series { name: folder.display().to_string(), points })
 }
 
-/// A page with the curves of a run: return and length of episodes, and each value of an update.
+/// Returns a page with the curves of a run: return and length of episodes, and each value of an update.
 pub(super) fn page(folder: &Path, title: &str, summary: &Summary) -> anyhow::Result<String> {
     let table = Table::read(folder)?;
     let steps = table.column(&["steps"]);

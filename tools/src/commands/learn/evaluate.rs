@@ -10,20 +10,20 @@ use crate::out::outln;
 
 /// Run a policy on a task without exploration, and print its returns.
 ///
-/// Prints mean, median and interquartile mean with a bootstrap interval of 95 %.
+/// Prints the mean, the median, and the interquartile mean with a 95 % bootstrap interval.
 ///
 /// Example: motorium learn evaluate out/cart-pole --task tasks/cart-pole.toml --episodes 100
 #[derive(Debug, clap::Args)]
 pub(super) struct Evaluate {
     /// Folder of the policy
     policy: PathBuf,
-    /// File of the task; the policy's own task.toml if not given
+    /// File of the task [default: the policy's task.toml]
     #[arg(long, value_name = "FILE")]
     task: Option<PathBuf>,
-    /// Episodes
+    /// Number of episodes
     #[arg(long, default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     episodes: u32,
-    /// Seed of the starts of episodes
+    /// Seed of the initial states of episodes
     #[arg(long, default_value_t = 1000)]
     seed: u64,
     /// Print as JSON

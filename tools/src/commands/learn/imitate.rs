@@ -25,9 +25,9 @@ use crate::{complete, registry, robots};
 
 /// Record the movement of a policy from several starts, fit models to it, and reproduce it.
 ///
-/// The graph runs in lockstep, an episode for each demonstration. A DMP, a ProMP and a motion library learn
-/// the path of the end effector. From other starts each model then moves the robot in place of the policy;
-/// its path is compared with the policy's from the same start, and with a replay of the first demonstration.
+/// The graph runs in lockstep, with one episode per demonstration. A DMP, a ProMP and a motion library learn
+/// the path of the end effector. Then each model moves the robot from other starts, in place of the policy.
+/// Its path is compared with the policy's from the same start, and with a replay of the first demonstration.
 ///
 /// Example: motorium learn imitate graphs/imitate/loop.toml --output out/imitate
 #[derive(Debug, clap::Args)]
@@ -35,13 +35,13 @@ pub(super) struct Imitate {
     /// The graph, with a policy that publishes pose targets
     #[arg(value_name = "GRAPH", add = complete::graphs(), value_parser = graph_file())]
     graph: PathBuf,
-    /// Demonstrations, each from another start
+    /// Number of demonstrations, each from another start
     #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u64).range(2..=1000))]
     demonstrations: u64,
-    /// Starts from which the movement is reproduced
+    /// Number of starts from which the movement is reproduced
     #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u64).range(1..=1000))]
     tests: u64,
-    /// Seed of the first demonstration; each episode has the next one
+    /// Seed of the first demonstration; it increases by one per episode
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u64).range(0..=1_000_000_000))]
     seed: u64,
     /// The folder to write to
@@ -118,7 +118,7 @@ impl Stage {
         Ok(Session::launch(self.plan.clone(), &self.registry, options)?)
     }
 
-    /// Pose of the end effector, from the measured joints.
+    /// Returns the pose of the end effector, from the measured joints.
     fn pose(&self, session: &mut Session<'_>, kinematics: &mut Kinematics) -> anyhow::Result<Isometry3<f64>> {
         let state = session.read::<JointState>(&self.joints)?;
         let state = state.with_context(|| format!("no measured joints on `{}`", self.joints))?;
@@ -161,7 +161,7 @@ impl Stage {
         Ok(paths)
     }
 
-    /// The path of the robot when a model commands it; the orientation stays as it is at the start.
+    /// Returns the path of the robot when a model commands it; the orientation stays as it is at the start.
     fn reproduce(
         &self,
         session: &mut Session<'_>,

@@ -13,7 +13,7 @@ mod warnings;
 
 use std::process::ExitCode;
 
-/// Train policies on tasks: train, resume, evaluate and compare policies, list tasks; tune a graph.
+/// Train, evaluate and compare policies on tasks, list tasks, and tune graphs.
 ///
 /// Example: motorium learn train tasks/cart-pole.toml --seed 1 --output out/cart-pole
 #[derive(Debug, clap::Args)]

@@ -27,8 +27,8 @@ const LONGEST: usize = 1024;
 const SIMULATED: [&str; 8] =
     ["physics", "sensor", "control", "policy", "estimator", "joint", "learner", "log"];
 
-/// True if a graph moves simulated robots only: it has physics, and no component reaches a robot or a program
-/// of the user.
+/// Returns `true` if a graph moves only simulated robots: it has physics, and no component reaches a real
+/// robot or a user's program.
 pub(super) fn is_simulation(plan: &Plan) -> bool {
     let family = |program: &Program| match program {
         Program::Builtin { kind } | Program::Sibling { kind, .. } => {
@@ -47,7 +47,7 @@ pub(super) struct Terminal {
     /// Duration of an episode.
     duration: TimeSpan,
     lines: Lines<std::io::Stdin>,
-    /// True once the values of the parameters have been shown.
+    /// `true` once the values of the parameters have been shown.
     has_shown: bool,
 }
 
@@ -60,7 +60,7 @@ struct Row {
 }
 
 impl Terminal {
-    /// The dialogue about a graph. `interrupted` is set by Ctrl-C.
+    /// Creates the dialogue about a graph. `interrupted` is set by Ctrl-C.
     pub(super) fn new(plan: &Plan, parameters: &[Parameter], interrupted: Arc<AtomicBool>) -> Self {
         let row = |parameter: &Parameter| Row {
             name: parameter.name(),
@@ -98,7 +98,7 @@ impl Operator for Terminal {
     }
 }
 
-/// Unit of a key of a component: of its parameter of the same name and value.
+/// Returns the unit of a key of a component: of its parameter of the same name and value.
 fn unit(plan: &Plan, key: &str) -> Option<String> {
     let key = key.strip_prefix("component.").unwrap_or(key);
     let [component, table @ ("config" | "params"), name] = key.split('.').collect::<Vec<_>>()[..] else {
@@ -111,7 +111,7 @@ fn unit(plan: &Plan, key: &str) -> Option<String> {
     is_same.then(|| parameter.declaration.unit.clone())
 }
 
-/// A question, with the table of the parameters.
+/// Returns a question, with the table of the parameters.
 fn text(question: &Question, rows: Option<&Vec<Row>>, duration: TimeSpan) -> String {
     let Question { evaluation, evaluations, values, last, best, stage } = question;
     let best =
@@ -140,7 +140,7 @@ fn text(question: &Question, rows: Option<&Vec<Row>>, duration: TimeSpan) -> Str
     text + stage.choices() + "?\n"
 }
 
-/// A number with its sign.
+/// Returns a number with its sign.
 fn signed(number: f64) -> String {
     let sign = if number > 0.0 { "+" } else { "" };
     format!("{sign}{}", decimal(number))

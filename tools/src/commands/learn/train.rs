@@ -43,7 +43,7 @@ enum Algorithm {
     Dqn,
     /// Behaviour cloning of an expert
     Clone,
-    /// Imitation of an expert in the states that the policy reaches
+    /// Imitation of an expert in the states reached by the policy
     Dagger,
 }
 
@@ -71,8 +71,8 @@ impl Algorithm {
 
 /// Train a policy on a task.
 ///
-/// The folder of the output receives the policy, a checkpoint to resume from, and progress.csv. Equal seeds
-/// give equal weights on any number of threads.
+/// Writes the policy, a checkpoint to resume from, and progress.csv to the output folder. Equal seeds give
+/// equal weights with any number of threads.
 ///
 /// Example: motorium learn train tasks/cart-pole.toml --seed 1 --output out/cart-pole
 #[derive(Debug, clap::Args)]
@@ -82,7 +82,7 @@ pub(super) struct Train {
     /// Algorithm [default: ppo]
     #[arg(long, default_value = "ppo", hide_default_value = true)]
     algorithm: Algorithm,
-    /// Folder of the policy that `clone` and `dagger` imitate
+    /// Folder of the expert policy for `clone` and `dagger`
     #[arg(long, value_name = "FOLDER")]
     expert: Option<PathBuf>,
     /// Recorded actions for `clone` and for the first iteration of `dagger`; may be repeated
@@ -100,7 +100,7 @@ pub(super) struct Train {
     /// Threads; all cores if not given
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=256))]
     threads: Option<u32>,
-    /// Steps of all worlds together, instead of the task's, such as 2e5
+    /// Total steps of all worlds, instead of the task's, such as 2e5
     #[arg(long, value_parser = steps)]
     steps: Option<u64>,
     /// Folder of the run
@@ -112,7 +112,7 @@ pub(super) struct Train {
 
 /// Continue a training run, or a tuning of a graph, from its last checkpoint.
 ///
-/// The result equals a run without interruption to the bit.
+/// The result is bit-for-bit equal to a run without interruption.
 ///
 /// Example: motorium learn resume out/cart-pole
 #[derive(Debug, clap::Args)]
@@ -137,7 +137,7 @@ struct Show {
     json: bool,
 }
 
-/// A number of steps, with an exponent or without.
+/// Parses a number of steps, with or without an exponent.
 fn steps(text: &str) -> Result<u64, String> {
     let value: f64 =
         text.replace('_', "").parse().map_err(|_| "expected a number, such as 2e5".to_owned())?;
@@ -211,7 +211,7 @@ impl Train {
         Ok(ExitCode::SUCCESS)
     }
 
-    /// Recorded observations and actions.
+    /// Returns the recorded observations and actions.
     fn recorded(&self, file: &Path) -> anyhow::Result<imitation::Recorded> {
         let recording = opened(file)?;
         let topics = [&self.observation, &self.action].map(Option::as_deref);
@@ -309,7 +309,7 @@ fn finish(mut run: Run, folder: &Path, show: Show) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// The share of each phase in the time of all.
+/// Returns the share of each phase in the time of all.
 fn shares(costs: &Costs) -> String {
     let share = |phase| 100.0 * costs.seconds(phase) / costs.total();
     Phase::ALL.map(|phase| format!("{} {:.0} %", phase.name(), share(phase))).join(", ")

@@ -50,7 +50,7 @@ enum Method {
     Reps,
     /// Path integrals with black-box averaging
     PathIntegral,
-    /// PoWER, of rewards above 0
+    /// PoWER, for positive rewards
     Power,
     /// Gradient ascent by central differences
     FiniteDifferences,
@@ -91,7 +91,7 @@ pub(super) struct Tune {
     /// The graph file
     #[arg(value_parser = graph_file(), add = complete::graphs())]
     graph: PathBuf,
-    /// Keys of a number, and its range; `:log` searches ratios; may be repeated
+    /// Key of a number, and its range; `:log` searches on a logarithmic scale; may be repeated
     #[arg(long, value_name = "KEY[,KEY]=LOW:HIGH[:log]", required = true)]
     parameter: Vec<Parameter>,
     /// Figure of the report to maximise; a weight of -1 minimises it; several are added
@@ -102,7 +102,7 @@ pub(super) struct Tune {
         allow_hyphen_values = true
     )]
     reward: Vec<Reward>,
-    /// Condition without which an evaluation fails; `--no-expect` ignores the graph's
+    /// Condition that an evaluation must meet; `--no-expect` ignores the graph's conditions
     #[arg(long, value_name = "FIGURE CONDITION")]
     expect: Vec<Expectation>,
     /// Ignore the conditions of the graph
@@ -115,13 +115,13 @@ pub(super) struct Tune {
     /// `finite-differences`, `random` or `bayesian` (`--together 2`) [default: cma-es]
     #[arg(long, default_value = "cma-es", hide_possible_values = true, hide_default_value = true)]
     method: Method,
-    /// Evaluations [default: 200]
+    /// Number of evaluations [default: 200]
     #[arg(long, default_value_t = 200, hide_default_value = true, value_parser = clap::value_parser!(u64).range(1..=10_000_000))]
     evaluations: u64,
-    /// Evaluations of a Bayesian search at a time
+    /// Number of simultaneous evaluations of a Bayesian search
     #[arg(long, hide = true, default_value_t = 2, value_parser = clap::value_parser!(u16).range(1..=256))]
     together: u16,
-    /// Seed of the search; `--set seed=N` is the graph's [default: 1]
+    /// Seed of the search; `--set seed=N` sets the graph's [default: 1]
     #[arg(long, default_value_t = 1, hide_default_value = true)]
     seed: u64,
     /// Threads; all cores if not given
@@ -130,7 +130,7 @@ pub(super) struct Tune {
     /// One episode at a time in real time, each permitted at the terminal
     #[arg(long, conflicts_with_all = ["threads", "together"])]
     real_time: bool,
-    /// With `--real-time`: run even if the budgets of the graph cannot hold
+    /// With `--real-time`: run even if the budgets of the graph are not feasible
     #[arg(long, hide = true, requires = "real_time")]
     force: bool,
     /// Merge a file over the graph; may be repeated
@@ -205,7 +205,7 @@ struct Graph {
     registry: Registry,
 }
 
-/// Values of all keys of parameters.
+/// Returns the values of all keys of parameters.
 fn keyed<'p>(parameters: &'p [Parameter], values: &[f64]) -> Vec<(&'p str, f64)> {
     let each = parameters.iter().zip(values);
     each.flat_map(|(parameter, value)| parameter.keys.iter().map(move |key| (key.as_str(), *value))).collect()
@@ -234,7 +234,7 @@ impl Subject for Graph {
     }
 }
 
-/// The same graph in real time, as processes.
+/// The graph in real time, with its components as processes.
 struct Robot<'g>(&'g Graph);
 
 impl Subject for Robot<'_> {
@@ -277,8 +277,8 @@ fn admit(plan: &Plan, force: bool) -> anyhow::Result<Option<ExitCode>> {
 }
 
 impl Graph {
-    /// Checks the graph with the parameters in the middle of their ranges. `Err` within are the mistakes of
-    /// the graph.
+    /// Checks the graph with the parameters in the middle of their ranges. The inner `Err` contains the
+    /// errors of the graph.
     fn check(rollout: Rollout, settings: &Settings) -> anyhow::Result<Result<Self, GraphError>> {
         let (registry, middle) = (registry(), settings.middle());
         let keyed = keyed(&settings.parameters, &middle);
@@ -453,7 +453,7 @@ fn run_inline(
     Ok(Attendance::Finished)
 }
 
-/// The result as JSON. `reward`, `parameters` and `overlay` are `null` without a reward so far.
+/// Returns the result as JSON. `reward`, `parameters` and `overlay` are `null` without a reward so far.
 fn to_json(
     tuning: &Tuning,
     summary: &Summary,

@@ -19,10 +19,10 @@ pub(super) struct Build {
     /// The file to write
     #[arg(long, short)]
     output: PathBuf,
-    /// Error that the eigenforces minimise
+    /// Error minimised by the eigenforces
     #[arg(long, value_enum, default_value = "position")]
     metric: MetricName,
-    /// Minimise the mean error with N eigenforces, instead of the mean square with any number
+    /// Minimise the mean error with N eigenforces, instead of the mean square error with any number
     #[arg(long, value_name = "N")]
     balance: Option<usize>,
     #[command(flatten)]
@@ -32,14 +32,14 @@ pub(super) struct Build {
     json: bool,
 }
 
-/// Number of eigenforces to keep: all, unless one of these is given.
+/// Options that limit the number of eigenforces. Without any, all are kept.
 #[derive(Debug, Default, clap::Args)]
 #[group(multiple = false)]
 pub(super) struct TruncationOptions {
     /// Keep this number of eigenforces
     #[arg(long)]
     rank: Option<usize>,
-    /// Keep the fewest whose relative error is at most this, such as 0.05
+    /// Keep the smallest number whose relative error is at most this value, such as 0.05
     #[arg(long)]
     error: Option<f64>,
     /// Keep as many as fit into this number of bytes

@@ -14,8 +14,8 @@ use crate::out::outln;
 
 /// Train a network that writes letters from their pictures.
 ///
-/// Learns from recorded letters of two degrees of freedom. `motorium library write`, and `policy.library`,
-/// write by it.
+/// Learns from recorded letters with two degrees of freedom. `motorium library write` and `policy.library`
+/// use the network.
 ///
 /// Example: motorium library couple letters.jsonl --output letters.coupling
 #[derive(Debug, clap::Args)]
@@ -25,10 +25,10 @@ pub(super) struct Couple {
     /// The file to write
     #[arg(long, short, value_name = "FILE")]
     output: PathBuf,
-    /// Weights of a letter
+    /// Number of weights per letter
     #[arg(long, default_value_t = Training::default().eigenforces, value_name = "N")]
     eigenforces: usize,
-    /// Passes over all letters
+    /// Number of passes over all letters
     #[arg(long, default_value_t = Training::default().epochs, value_name = "N")]
     epochs: usize,
     /// Seed of the network and of the order of the letters
@@ -48,7 +48,7 @@ impl Couple {
         let dofs = letters.names.len();
         anyhow::ensure!(
             dofs == 2,
-            "letters have two degrees of freedom, and these recordings {dofs}: choose two by --columns"
+            "letters have two degrees of freedom, but these recordings have {dofs}: choose two with --columns"
         );
         anyhow::ensure!(self.epochs > 0, "--epochs is 0, expected at least 1");
         let spring = SampledSpring::new(SAMPLES, DAMPING)?;

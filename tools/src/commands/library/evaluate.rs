@@ -12,9 +12,9 @@ use super::source::{Shape, Source};
 use crate::chart::{Chart, Series};
 use crate::out::outln;
 
-/// Learn from one part of recordings, and measure errors and recognition on the rest.
+/// Learn from some of the recordings, and measure errors and recognition on the others.
 ///
-/// For each number of weights: eigenforces in both metrics, Fourier functions, and kernels.
+/// Compares eigenforces in both metrics, Fourier functions and kernels for each number of weights.
 ///
 /// Example: motorium library evaluate letters.jsonl --eigenforces 4,8,16 --plot errors.svg
 #[derive(Debug, clap::Args)]
@@ -33,7 +33,7 @@ pub(super) struct Evaluate {
     /// Numbers of weights
     #[arg(long, value_delimiter = ',', default_values_t = [4, 8, 16, 32, 64])]
     eigenforces: Vec<usize>,
-    /// Draw the errors of position into this SVG file
+    /// Draw the position errors into this SVG file
     #[arg(long, value_name = "SVG")]
     plot: Option<PathBuf>,
     /// Print as JSON

@@ -11,7 +11,7 @@ use crate::chart::{Chart, Series, Tile, tiles};
 use crate::commands::primitive::per_dimension;
 use crate::out::{out, outln};
 
-/// Generate a movement: of the library, of given weights, or between two.
+/// Generate a movement: from the library, from given weights, or as a blend of two movements.
 ///
 /// Example: motorium library generate letters.library --movement a --with d --blend 0.3 --plot between.svg
 #[derive(Debug, clap::Args)]
@@ -21,13 +21,13 @@ pub(super) struct Generate {
     /// A movement of the library by its id, or the mean of a label
     #[arg(long, required_unless_present = "weights")]
     movement: Option<String>,
-    /// A second one to blend with
+    /// A second movement of the library to blend with
     #[arg(long, requires = "movement")]
     with: Option<String>,
     /// Fraction of the second movement, 0 to 1
     #[arg(long, default_value_t = 0.5)]
     blend: f64,
-    /// Weights of the first eigenforces, instead of a movement; start and goal are 0 unless given
+    /// Weights of the first eigenforces, instead of a movement; start and goal default to 0
     #[arg(long, value_delimiter = ',', conflicts_with = "movement", allow_hyphen_values = true)]
     weights: Vec<f64>,
     /// Number of eigenforces to use [default: all]
@@ -127,7 +127,7 @@ impl Generate {
         }
         anyhow::ensure!(
             self.weights.len() <= library.rank(),
-            "{} weights, the library has {} eigenforces",
+            "{} weights, but the library has only {} eigenforces",
             self.weights.len(),
             library.rank()
         );
@@ -142,7 +142,7 @@ impl Generate {
     }
 }
 
-/// Two degrees of freedom as a curve, others over time.
+/// Returns two degrees of freedom as a curve, others over time.
 fn picture(library: &MotionLibrary, path: &nalgebra::DMatrix<f64>) -> String {
     let names = library.layout().names();
     if names.len() == 2 {

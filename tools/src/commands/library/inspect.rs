@@ -17,7 +17,7 @@ pub(super) struct Inspect {
     /// Draw the first eigenforces over time into this SVG file
     #[arg(long, value_name = "SVG")]
     plot: Option<PathBuf>,
-    /// Eigenforces to draw
+    /// Number of eigenforces to draw
     #[arg(long, default_value_t = 4)]
     eigenforces: usize,
     /// Print as JSON

@@ -18,13 +18,13 @@ pub(super) struct Letters {
     /// The .jsonl file to write
     #[arg(long, short)]
     output: PathBuf,
-    /// Variations of each letter
+    /// Number of variations of each letter
     #[arg(long, default_value_t = 10)]
     each: usize,
     /// Seed; equal seeds give equal letters
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Draw the first of each into this SVG file
+    /// Draw the first variation of each letter into this SVG file
     #[arg(long, value_name = "SVG")]
     plot: Option<PathBuf>,
     /// Print as JSON

@@ -14,7 +14,7 @@ mod write;
 
 use std::process::ExitCode;
 
-/// Movements as weights of a few eigenforces: learn, inspect, split, merge and use them.
+/// Learn, inspect, split, merge and use motion libraries: movements as weights of a few eigenforces.
 ///
 /// Example: motorium library letters --output letters.jsonl && motorium library build letters.jsonl --output
 /// letters.library

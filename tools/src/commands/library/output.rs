@@ -11,7 +11,7 @@ pub(super) fn write(library: &MotionLibrary, path: &Path) -> anyhow::Result<()> 
     file::write(library, path).with_context(|| path.display().to_string())
 }
 
-/// The summary of a library.
+/// Returns the summary of a library.
 pub(super) fn summary(library: &MotionLibrary, path: Option<&PathBuf>) -> serde_json::Value {
     let explained = library.explained();
     let mut labels = std::collections::BTreeMap::<&str, usize>::new();

@@ -8,7 +8,7 @@ use motorium_library::{Recogniser, file};
 use super::source::Source;
 use crate::out::outln;
 
-/// Find the nearest movement of a library to each recording, and its novelty.
+/// Find the nearest movement of a library for each recording, and the novelty of the recording.
 ///
 /// Example: motorium library recognise letters.library letters.jsonl --eigenforces 8
 #[derive(Debug, clap::Args)]
@@ -17,7 +17,7 @@ pub(super) struct Recognise {
     file: PathBuf,
     #[command(flatten)]
     source: Source,
-    /// Eigenforces to recognise by
+    /// Number of eigenforces used for recognition
     #[arg(long, default_value_t = 16)]
     eigenforces: usize,
     /// Print as JSON
@@ -31,7 +31,7 @@ impl Recognise {
         let recordings = self.source.read()?;
         anyhow::ensure!(
             recordings.names == library.layout().names(),
-            "the recordings have the degrees of freedom {}, the library {}",
+            "the recordings have the degrees of freedom {}, but the library has {}",
             recordings.names.join(", "),
             library.layout().names().join(", ")
         );

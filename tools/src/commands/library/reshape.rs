@@ -13,7 +13,7 @@ use super::source::Source;
 use crate::out::{errln, outln};
 use crate::style;
 
-/// Extract parts of a body from a library of the whole, without the recordings.
+/// Extract libraries of body parts from a library of the whole body, without the recordings.
 ///
 /// Example: motorium library split body.library arms='larm*,rarm*' left='l*' --output parts
 #[derive(Debug, clap::Args)]
@@ -55,11 +55,11 @@ impl Split {
     }
 }
 
-/// Make one library out of several.
+/// Merge several libraries into one.
 ///
-/// Libraries of the same degrees of freedom are merged into one of all their movements; libraries of
-/// different ones into one of the whole body, its parts correlated if all were learned from the same
-/// movements.
+/// Libraries with the same degrees of freedom become a library of all their movements. Libraries with
+/// different degrees of freedom become a library of the whole body. Its parts are correlated if all were
+/// learned from the same movements.
 ///
 /// Example: motorium library merge left.library right.library --independent --output body.library
 #[derive(Debug, clap::Args)]
@@ -112,7 +112,7 @@ pub(super) struct Update {
     /// Maximum number of eigenforces to keep: about twice the number in use
     #[arg(long, default_value_t = 50)]
     capacity: usize,
-    /// Factor on the weight of earlier movements with each new one: 1 forgets nothing
+    /// Factor on the weight of earlier movements per new movement; 1 forgets nothing
     #[arg(long, default_value_t = 1.0)]
     forgetting: f64,
     /// Print as JSON
@@ -131,7 +131,7 @@ impl Update {
         let recordings = self.source.read()?;
         anyhow::ensure!(
             recordings.names == library.layout().names(),
-            "the recordings have the degrees of freedom {}, the library {}",
+            "the recordings have the degrees of freedom {}, but the library has {}",
             recordings.names.join(", "),
             library.layout().names().join(", ")
         );

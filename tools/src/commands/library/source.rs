@@ -8,7 +8,7 @@ use motorium_recordings::Selection;
 /// Options that name recordings, and how to read them.
 #[derive(Debug, clap::Args)]
 pub(super) struct Source {
-    /// Recordings: .csv, .tsv, .json or .jsonl files, or folders with some
+    /// Recordings: .csv, .tsv, .json or .jsonl files, or folders of such files
     #[arg(required = true)]
     data: Vec<PathBuf>,
     /// Samples per second of recordings without times
@@ -17,13 +17,14 @@ pub(super) struct Source {
     /// Use only these degrees of freedom: names, or prefixes with `*`
     #[arg(long, value_delimiter = ',')]
     columns: Vec<String>,
-    /// Smooth first, with a Gaussian of this standard deviation in samples (measured recordings need it)
+    /// Smooth the recordings with a Gaussian of this standard deviation, in samples; recommended for measured
+    /// recordings
     #[arg(long, default_value_t = 0.0, value_name = "SAMPLES")]
     smooth: f64,
-    /// Cut into windows of this many samples that overlap by half
+    /// Cut the recordings into half-overlapping windows with this number of samples
     #[arg(long, value_name = "SAMPLES")]
     window: Option<usize>,
-    /// With --window: drop windows in which a sample is further than this from the one before
+    /// With --window: drop windows with a larger step than this between two samples
     #[arg(long, default_value_t = f64::INFINITY)]
     leap: f64,
 }
@@ -47,7 +48,7 @@ impl Source {
     }
 }
 
-/// Options of the conversion of recordings into forces.
+/// Options for the conversion of recordings into forces.
 #[derive(Debug, clap::Args)]
 pub(super) struct Shape {
     /// Number of evenly spaced samples of each movement
@@ -56,7 +57,7 @@ pub(super) struct Shape {
     /// Damping D of the spring; its stiffness is D^2 / 4
     #[arg(long, default_value_t = DAMPING)]
     damping: f64,
-    /// The curve between samples, a natural cubic `spline` or `linear`; stored in the library
+    /// Curve between samples: a natural cubic `spline`, or `linear`; stored in the library
     #[arg(long, value_enum, default_value = "spline", hide_possible_values = true)]
     interpolation: InterpolationName,
 }
@@ -91,7 +92,7 @@ impl From<InterpolationName> for Interpolation {
 pub(super) enum MetricName {
     /// Force, as in the literature
     Force,
-    /// Position: more exact paths with as many eigenforces
+    /// Position: more accurate paths with the same number of eigenforces
     Position,
 }
 

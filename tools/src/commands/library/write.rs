@@ -24,7 +24,7 @@ pub(super) struct Write {
     /// The picture: a grey map (.pgm) of one letter, dark on light or light on dark
     #[arg(value_name = "PICTURE")]
     picture: PathBuf,
-    /// The larger side of the written letter, m (or any other unit)
+    /// Larger side of the written letter, m (or any other unit)
     #[arg(long, default_value_t = 1.0, value_parser = positive)]
     size: f64,
     /// Speed of the pen, in units of the size per second
@@ -93,7 +93,7 @@ impl Write {
     }
 }
 
-/// Speed of each step of a path.
+/// Returns the speed of each step of a path.
 fn speeds(path: &DMatrix<f64>, duration: f64) -> Vec<f64> {
     let step = duration / (path.nrows() - 1).max(1) as f64;
     (1..path.nrows()).map(|k| (path.row(k) - path.row(k - 1)).norm() / step).collect()

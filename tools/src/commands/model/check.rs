@@ -15,8 +15,8 @@ use crate::style;
 /// Smallest reported difference between poses [rad or m].
 const POSE_TOLERANCE: f64 = 1e-3;
 
-/// Check the folder of a policy against a robot: the widths of its network, the source of each observation
-/// term, the joint of each action, and the digest of its robot.
+/// Check the folder of a policy against a robot: network widths, the source of each observation term, the
+/// joint of each action, and the digest of the policy's robot.
 ///
 /// Example: motorium model check policy/ --robot quadruped
 #[derive(Debug, clap::Args)]

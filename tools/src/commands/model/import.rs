@@ -21,9 +21,9 @@ const NOT_WITH_DESCRIPTORS: [&str; 5] = ["rate", "history", "height_points", "he
 const NOT_WITH_TABLE: [&str; 7] =
     ["rate", "history", "height_points", "height_scale", "height_offset", "descriptors", "env"];
 
-/// Make a policy folder from the files of a training framework.
+/// Create a policy folder from the files of a training framework.
 ///
-/// mjlab: an ONNX file, whose metadata has joints, gains and observation terms; --rate gives its rate.
+/// mjlab: an ONNX file, whose metadata contain joints, gains and observation terms; --rate sets its rate.
 ///
 /// Isaac Lab 3: the YAML file of a LEAPP bundle, or its folder. The default pose is read from --env, the
 /// env.yaml of the training run, or is a --pose of the robot.
@@ -39,7 +39,7 @@ pub(super) struct Import {
     /// The network: an ONNX file, a safetensors file, or a LEAPP bundle
     #[arg(value_name = "FILE")]
     file: PathBuf,
-    /// The folder to write; it has no policy.toml yet
+    /// The folder to write, which must not contain a policy.toml
     #[arg(long, short, value_name = "FOLDER")]
     output: PathBuf,
     /// The table of a safetensors file
@@ -51,10 +51,10 @@ pub(super) struct Import {
     /// The environment of a training run of Isaac Lab
     #[arg(long, value_name = "env.yaml")]
     env: Option<PathBuf>,
-    /// The rate of a policy without one in its files, Hz [default: 50 for mjlab]
+    /// The rate of the policy, Hz, if its files do not contain it [default: 50 for mjlab]
     #[arg(long, value_name = "HZ")]
     rate: Option<f64>,
-    /// The steps of history of each observation term of mjlab [default: as in the file, or 1]
+    /// History steps of each observation term of mjlab [default: as in the file, or 1]
     #[arg(long, value_name = "STEPS")]
     history: Option<usize>,
     /// The points of mjlab's height scan along x and y [default: 17,11 for 187 points]
@@ -66,7 +66,7 @@ pub(super) struct Import {
     /// The offset of mjlab's height scan, m [default: 0]
     #[arg(long, value_name = "METRES")]
     height_offset: Option<f64>,
-    /// The robot: its joints are compared with the policy's; policy.toml has its name and digest
+    /// The robot, to compare joints with the policy's; its name and digest are written to policy.toml
     #[arg(long, value_name = "ROBOT", add = crate::complete::robots())]
     robot: Option<String>,
     /// The default pose of a LEAPP bundle without --env: a pose of the robot
@@ -153,7 +153,10 @@ impl Import {
             return imported.map_err(|error| self.located(error, path));
         }
         if let Some(path) = &self.env {
-            bail!("{}: without a description; help: give IO_descriptors.yaml by `--descriptors`", name(path));
+            bail!(
+                "{}: the description is missing; help: pass IO_descriptors.yaml with `--descriptors`",
+                name(path)
+            );
         }
         if let Some(table) = &self.table {
             let text = std::fs::read_to_string(table).with_context(|| name(table))?;
@@ -161,7 +164,7 @@ impl Import {
             return import_weights(&tensors, &text).with_context(|| name(table));
         }
         if self.file.extension().is_some_and(|extension| extension == "safetensors") {
-            bail!("{}: weights alone; help: describe them in a file for `--table`", file());
+            bail!("{}: the file contains only weights; help: describe them in a file for `--table`", file());
         }
         let points = self.height_points.as_deref().map(<[usize; 2]>::try_from).transpose();
         let options = ImportOptions {
@@ -208,7 +211,7 @@ impl Import {
         anyhow::Error::new(error).context(file)
     }
 
-    /// The default position of each joint of a bundle [rad or m].
+    /// Returns the default position of each joint of a bundle [rad or m].
     fn default_pose(
         &self,
         (bundle, path): (&Bundle, &Path),

@@ -30,7 +30,7 @@ fn read<T: DeserializeOwned>(path: &Path) -> anyhow::Result<T> {
     })
 }
 
-/// The text of an error without its position.
+/// Returns the text of an error without its position.
 fn message(error: &serde_saphyr::Error) -> String {
     let text = error.without_snippet().to_string();
     let end = text.rfind(" at line ").unwrap_or(text.len());

@@ -13,7 +13,7 @@ pub(super) type File = (&'static str, String);
 /// Error of writing the files.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum WriteError {
-    #[error("`{}` exists already and is left as it is; choose another name, or another folder with --path", .0.display())]
+    #[error("`{}` already exists and was not changed; choose another name, or another folder with --path", .0.display())]
     Exists(PathBuf),
     #[error("the folder `{}` does not exist", .0.display())]
     NoParent(PathBuf),
@@ -21,7 +21,7 @@ pub(super) enum WriteError {
     Io { path: PathBuf, source: io::Error },
 }
 
-/// All files of a crate of this name.
+/// Returns all files of a crate of this name.
 pub(super) fn files(name: &str, sources: Option<&Sources>) -> Vec<File> {
     let [dependency, testing] = [", default-features = false", ", features = [\"testing\"]"]
         .map(|features| dependency(sources, features));
@@ -45,8 +45,8 @@ pub(super) fn files(name: &str, sources: Option<&Sources>) -> Vec<File> {
     files
 }
 
-/// Dependency of the crate on motorium: local sources, or the published version of this program. `features`
-/// is the rest of the table and selects the features.
+/// Returns the dependency of the crate on motorium: local sources, or the published version of this program.
+/// `features` is the rest of the table and selects the features.
 fn dependency(sources: Option<&Sources>, features: &str) -> String {
     let version = env!("CARGO_PKG_VERSION");
     match sources {

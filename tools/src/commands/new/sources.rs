@@ -25,26 +25,26 @@ impl Sources {
         Self::checkout(root).or_else(|| Self::installed(root))
     }
 
-    /// A checkout: `runtime`, with the version in the workspace around it.
+    /// Returns a checkout: `runtime`, with the version in the workspace around it.
     fn checkout(root: &Path) -> Option<Self> {
         let runtime = root.join("runtime");
         (names_the_crate(&runtime) && names_the_version(root))
             .then(|| Self { runtime, lock: root.join("Cargo.lock") })
     }
 
-    /// Location in a release archive, below the parent of `bin`: the crate as published.
+    /// Returns the location in a release archive, below the parent of `bin`: the crate as published.
     fn installed(prefix: &Path) -> Option<Self> {
         let runtime = prefix.join("share/motorium/runtime");
         (names_the_crate(&runtime) && names_the_version(&runtime))
             .then(|| Self { lock: runtime.join("Cargo.lock"), runtime })
     }
 
-    /// The folder of the crate.
+    /// Returns the folder of the crate.
     pub(super) fn runtime(&self) -> &Path {
         &self.runtime
     }
 
-    /// Exact versions of all its dependencies.
+    /// Returns the exact versions of all its dependencies.
     pub(super) fn lock(&self) -> Option<String> {
         std::fs::read_to_string(&self.lock).ok()
     }

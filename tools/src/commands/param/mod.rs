@@ -44,7 +44,7 @@ impl Param {
     }
 }
 
-/// All parameters: value, range, unit.
+/// List all parameters: value, range, unit.
 ///
 /// Example: motorium param list --json
 #[derive(Debug, clap::Args)]
@@ -73,8 +73,8 @@ struct Get {
 
 /// Change one or several parameters.
 ///
-/// Parameters of one component that are set together take effect together. If one is refused, none is
-/// changed.
+/// Parameters of one component that are set together take effect simultaneously. If one value is refused, no
+/// parameter is changed.
 ///
 /// Example: motorium param set policy.gait=trot policy.frequency=1.5
 #[derive(Debug, clap::Args)]
@@ -101,7 +101,7 @@ fn assignments(values: &[String]) -> anyhow::Result<Vec<(&str, &str)>> {
     }
     let split = |text: &'_ String| -> anyhow::Result<(usize, usize)> {
         let at = text.find('=').filter(|at| *at > 0);
-        let at = at.with_context(|| format!("`{text}` sets nothing: write `COMPONENT.PARAMETER=VALUE`"))?;
+        let at = at.with_context(|| format!("`{text}` is not of the form `COMPONENT.PARAMETER=VALUE`"))?;
         Ok((at, at + 1))
     };
     values.iter().map(|text| split(text).map(|(end, start)| (&text[..end], &text[start..]))).collect()
@@ -143,7 +143,7 @@ fn array(text: &str) -> Result<ParameterValue, String> {
     }
 }
 
-/// The parameters of a run.
+/// Returns the parameters of a run.
 fn parameters(run: &LivingRun) -> anyhow::Result<(ParameterTable, Vec<Row>)> {
     let table = ParameterTable::open(&run.folder.domain()?, run.plan.clone())?;
     let rows = table.list().context("reading the parameters of the run")?;
@@ -151,7 +151,7 @@ fn parameters(run: &LivingRun) -> anyhow::Result<(ParameterTable, Vec<Row>)> {
     Ok((table, rows))
 }
 
-/// The parameter of this name.
+/// Returns the parameter of this name.
 fn find<'a>(rows: &'a [Row], path: &str, graph: &str) -> anyhow::Result<&'a Row> {
     rows.iter().find(|row| row.name == path).ok_or_else(|| {
         if rows.is_empty() {
@@ -191,7 +191,7 @@ impl Get {
     }
 }
 
-/// A change as JSON.
+/// JSON output of a change.
 #[derive(Debug, Serialize)]
 struct Change<'a> {
     name: &'a str,
@@ -214,9 +214,9 @@ impl Set {
         let new = match (set, wanted.as_slice()) {
             (Ok(new), _) => new,
             (Err(error), [(row, _)]) => {
-                anyhow::bail!("{error}; it stays {}", row.with_unit(&row.value));
+                anyhow::bail!("{error}; the value remains {}", row.with_unit(&row.value));
             }
-            (Err(error), _) => anyhow::bail!("{error}; nothing was set"),
+            (Err(error), _) => anyhow::bail!("{error}; no parameter was changed"),
         };
         let changes = wanted.iter().zip(&new).map(|((row, _), new)| Change {
             name: &row.name,

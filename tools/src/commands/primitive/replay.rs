@@ -28,7 +28,7 @@ pub(super) struct Replay {
     /// The primitive, as `motorium primitive fit` wrote it
     #[arg(value_name = "FILE")]
     file: PathBuf,
-    /// Start position, a number for each dimension
+    /// Start position, one number for each dimension
     #[arg(long, value_name = "X,..", value_parser = numbers, allow_hyphen_values = true)]
     start: Option<Numbers>,
     /// Goal position, or the centre of a rhythm
@@ -43,7 +43,7 @@ pub(super) struct Replay {
     /// Via point of a probabilistic primitive: phase:X,.. or phase:X,..:deviation; may be repeated
     #[arg(long, value_name = "P:X,..", value_parser = via, allow_hyphen_values = true)]
     via: Vec<ViaPoint>,
-    /// Periods of a rhythm [default: 2]
+    /// Number of periods of a rhythm [default: 2]
     #[arg(long, value_name = "N", value_parser = positive)]
     periods: Option<f64>,
     /// Amplitude of a rhythm; 1 is the demonstration's
@@ -73,7 +73,7 @@ fn positive(text: &str) -> Result<f64, String> {
 fn via(text: &str) -> Result<ViaPoint, String> {
     let mut parts = text.split(':');
     let (Some(phase), Some(place)) = (parts.next(), parts.next()) else {
-        return Err("expected a phase, a colon and a place, such as 0.5:0.1,-2".to_string());
+        return Err("expected a phase, a colon and a position, such as 0.5:0.1,-2".to_string());
     };
     let Ok(phase) = phase.parse::<f64>() else {
         return Err(format!("invalid phase `{phase}`, expected a number from 0 to 1"));

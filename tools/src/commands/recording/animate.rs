@@ -17,8 +17,8 @@ const MOST: f64 = 200.0;
 
 /// Write a moving picture of a recording: the robots and their world, as an animated PNG file (.png).
 ///
-/// The camera sees the whole motion of robots with a fixed base, and follows those with floating bases. Equal
-/// recordings give equal files.
+/// The camera shows the whole motion of robots with a fixed base, and follows robots with a floating base.
+/// Equal recordings give equal files.
 ///
 /// Example: motorium animate out/a.mcap --to 4s --output out/a.png
 #[derive(Debug, clap::Args)]
@@ -32,13 +32,13 @@ pub(crate) struct Animate {
     /// Width and height of the picture [default: 640x480]
     #[arg(long, value_name = "WIDTHxHEIGHT", default_value = "640x480", hide_default_value = true, value_parser = size)]
     size: (f64, f64),
-    /// First recorded time, since the start of the recording
+    /// Start of the animated interval, since the start of the recording
     #[arg(long, value_name = "TIME", default_value = "0 s")]
     from: TimeSpan,
-    /// Last recorded time [default: the end]
+    /// End of the animated interval [default: the end of the recording]
     #[arg(long, value_name = "TIME")]
     to: Option<TimeSpan>,
-    /// Recorded time per time shown
+    /// Recorded time per playing time
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
     speed: f64,
     /// Pictures per second, 1 to 50

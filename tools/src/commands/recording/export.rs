@@ -47,7 +47,7 @@ pub(crate) struct Export {
     /// Replace existing tables, or an existing dataset
     #[arg(long)]
     overwrite: bool,
-    /// LeRobot: frames a second [default: 50]
+    /// LeRobot: frames per second [default: 50]
     #[arg(long, value_name = "HZ", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     fps: Option<u32>,
     /// LeRobot: numbers of the state, such as `panda/joint_state.position[0..7]`; may be repeated [default:
@@ -57,7 +57,7 @@ pub(crate) struct Export {
     /// LeRobot: numbers of the action; may be repeated [default: the commanded positions, or efforts]
     #[arg(long, value_name = "SIGNAL")]
     action: Vec<Signal>,
-    /// LeRobot: a topic of pictures, of 8 bits a colour; may be repeated [default: all]
+    /// LeRobot: a topic of pictures with 8 bits per colour; may be repeated [default: all]
     #[arg(long, value_name = "TOPIC", conflicts_with = "no_pictures")]
     pictures: Vec<String>,
     /// LeRobot: omit pictures
@@ -243,7 +243,7 @@ fn refuse_file(folder: &Path) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The names of the numbers of signals: joint names if each signal is one field of a joint topic.
+/// Returns the names of the numbers of signals: joint names if each signal is one field of a joint topic.
 fn names(recording: &Recording, plan: &Plan, signals: &[Signal]) -> Vec<String> {
     let of_joints = |signal: &Signal| {
         let topic = &recording.topics()[recording.topic(&signal.topic)?];

@@ -16,7 +16,7 @@ const CHARTS: usize = 12;
 /// Maximum number of points of a curve.
 const POINTS: usize = 1000;
 
-/// The page of a file.
+/// Returns the page of a file.
 pub(super) fn page(log: &OtherLog) -> String {
     let times = log.message_times();
     let count: usize = times.iter().map(Vec::len).sum();
@@ -75,7 +75,7 @@ fn channels(html: &mut String, log: &OtherLog, times: &[Vec<u64>]) {
     html.push_str("</table></div>\n");
 }
 
-/// The part of the name of a curve that is the title of its chart: without the last index or name.
+/// Returns the part of the name of a curve that is the title of its chart: without the last index or name.
 fn group(name: &str) -> &str {
     match name.strip_suffix(']').and_then(|name| name.rsplit_once('[')) {
         Some((array, _)) => array,

@@ -76,7 +76,7 @@ impl Temporary {
         Ok(this)
     }
 
-    /// The file.
+    /// Returns the file.
     pub(super) fn path(&self) -> &Path {
         &self.0
     }
@@ -120,7 +120,7 @@ impl Overlay {
         Ok(Self(Temporary::write("toml", &text)?))
     }
 
-    /// The file.
+    /// Returns the file.
     pub(super) fn path(&self) -> &Path {
         self.0.path()
     }

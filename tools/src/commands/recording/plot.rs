@@ -20,7 +20,7 @@ const FORMATS: [&str; 3] = ["svg", "png", "csv"];
 
 /// Draw numbers of a recording over time: in the terminal, or as a picture.
 ///
-/// A signal is TOPIC.FIELD, TOPIC.FIELD[I] or TOPIC.FIELD[A..B]. MCAP files of other programs are drawn, too
+/// A signal is TOPIC.FIELD, TOPIC.FIELD[I] or TOPIC.FIELD[A..B]. MCAP files of other programs are also drawn
 /// (JSON, ROS 2 CDR, protobuf): /odom.pose.pose.position, /tf.transforms[0].transform.
 ///
 /// Example: motorium plot out/a.mcap panda/joint_state.position[0..7] --output out/a.svg
@@ -35,10 +35,10 @@ pub(crate) struct Plot {
     /// Write a picture (.svg or .png), or the numbers (.csv)
     #[arg(long, short, value_name = "FILE")]
     output: Option<PathBuf>,
-    /// Start of the drawn time, s since the start of the recording
+    /// Start of the drawn interval, s since the start of the recording
     #[arg(long, value_name = "S", default_value_t = 0.0)]
     from: f64,
-    /// End of the drawn time, s; default: the recording's
+    /// End of the drawn interval, s [default: the recording's]
     #[arg(long, value_name = "S")]
     to: Option<f64>,
 }
@@ -97,7 +97,8 @@ impl Plot {
     }
 }
 
-/// Name of the values, with their unit if it is known: if all signals are one field of one quantity.
+/// Returns the name of the values, with their unit if it is known: if all signals are one field of one
+/// quantity.
 fn values(recording: Option<&Recording>, signals: &[Signal]) -> String {
     let Some(field) = signals[0].field.as_deref() else { return String::new() };
     let unit = |signal: &Signal| {
@@ -122,7 +123,7 @@ fn title(signal: &Signal) -> String {
     }
 }
 
-/// The name of a curve: its joint or axis, after its field if several fields are drawn.
+/// Returns the name of a curve: its joint or axis, after its field if several fields are drawn.
 fn label(recording: Option<&Recording>, curve: &Curve, signals: &[Signal]) -> String {
     let (topic, field) = curve.name.split_once('.').unwrap_or((&curve.name, ""));
     let field = field.split('[').next().unwrap_or_default();
@@ -139,7 +140,7 @@ fn label(recording: Option<&Recording>, curve: &Curve, signals: &[Signal]) -> St
     }
 }
 
-/// Columns and rows of the terminal, limited to a readable size.
+/// Returns the columns and rows of the terminal, limited to a readable size.
 fn size() -> (u16, u16) {
     let (columns, rows) = ratatui::crossterm::terminal::size().unwrap_or((100, 30));
     (columns.clamp(40, 160), rows.saturating_sub(2).clamp(12, 40))

@@ -10,16 +10,16 @@ use crate::{exit, style};
 
 /// Repair a recording that was cut short by a power failure or a full disk, or whose bytes have changed.
 ///
-/// Writes the readable part to a new file with index and end; reading continues after damaged parts. The torn
-/// file is not changed. Messages of damaged chunks are copied without a checksum, and the new file lists
-/// damaged and missing parts.
+/// Writes the readable part to a new file with index and end; reading continues after damaged parts. The
+/// original file is not changed. Messages of damaged chunks are copied without a checksum, and the new file
+/// lists damaged and missing parts.
 ///
-/// Exit code 7 if messages are missing or damaged; 0 if only the unfinished end was lost.
+/// The exit code is 7 if messages are missing or damaged, and 0 if only the unfinished end was lost.
 ///
 /// Example: motorium recover torn.mcap --output whole.mcap
 #[derive(Debug, clap::Args)]
 pub(crate) struct Recover {
-    /// The torn file
+    /// The damaged file
     #[arg(value_name = "FILE")]
     file: PathBuf,
     /// The repaired file [default: FILE with `.recovered.mcap` in place of `.mcap`]
@@ -32,7 +32,7 @@ impl Recover {
         let output = self.output.unwrap_or_else(|| self.file.with_extension("recovered.mcap"));
         anyhow::ensure!(
             output.canonicalize().ok().is_none_or(|there| self.file.canonicalize().ok() != Some(there)),
-            "{} would be written over while it is read: name another file by `--output`",
+            "the output {} is the input file: name another file with `--output`",
             self.file.display()
         );
         let recovered = recover(&self.file, &output)?;

@@ -18,14 +18,14 @@ use crate::{exit, registry, report, style};
 /// Each component publishes its recorded samples at the recorded times, except components of `--live`,
 /// which run. Episodes follow in the recorded order.
 ///
-/// A live robot that follows recorded joint commands approaches the first one within half of the limits of
-/// its joints, and comes to rest after the last. Then it enters its safe state.
+/// A live robot that follows recorded joint commands approaches the first command within half of its joint
+/// limits, and comes to rest after the last. Then it enters its safe state.
 ///
-/// `--verify` runs the graph in lockstep again, from its seed, and compares all publications bit
-/// for bit: exit code 1 at a difference, which is printed with its topic, time and field.
+/// `--verify` runs the graph in lockstep again, from its seed, and compares all publications bit for bit. The
+/// first difference is printed with its topic, time and field; the exit code is then 1.
 ///
-/// A recording names the programs of its components. Programs that are not part of motorium run
-/// with `--allow-programs` only.
+/// A recording names the programs of its components. Programs that are not part of motorium run only with
+/// `--allow-programs`.
 ///
 /// Example: motorium replay out/a.mcap --verify
 #[derive(Debug, clap::Args)]
@@ -42,7 +42,7 @@ pub(crate) struct Replay {
     /// A component to run instead of its recording; may be repeated [default: none]
     #[arg(long, value_name = "COMPONENT")]
     live: Vec<String>,
-    /// Recorded time per real time; `0`: as fast as the machine allows
+    /// Recorded time per real time; `0` means as fast as the machine allows
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
     speed: f64,
     /// Index of the episode to replay, from 0 [default: all]
@@ -51,11 +51,10 @@ pub(crate) struct Replay {
     /// Pause simulated time at the start, until `motorium step`
     #[arg(long)]
     paused: bool,
-    /// Run in real time, with the cores, priorities and budgets of the graph, as required by real
-    /// drives
+    /// Run in real time, with the cores, priorities and budgets of the graph; required for real drives
     #[arg(long, conflicts_with_all = ["speed", "paused", "verify"])]
     realtime: bool,
-    /// Time in which a live robot moves to the first recorded pose; `"0 s"` for none
+    /// Time in which a live robot moves to the first recorded pose; `"0 s"` skips this motion
     #[arg(
         long,
         value_name = "TIME",
@@ -174,7 +173,7 @@ impl Replay {
         }
     }
 
-    /// One thread for all, unless a component has a separate program.
+    /// Returns options that run all components in one thread, unless a component has a separate program.
     fn options(&self, plan: &Plan) -> anyhow::Result<Options> {
         let own = std::env::current_exe()?;
         for component in plan.components.iter().filter(|_| !self.allow_programs) {

@@ -10,8 +10,8 @@ use crate::report::decimal;
 
 /// Score a recording: goals, path errors, tracking errors, limits, smoothness.
 ///
-/// Frames are computed from the recorded joint states and compared with the recorded targets: no component
-/// scores itself.
+/// Frames are computed from the recorded joint states and compared with the recorded targets, independently
+/// of the components.
 ///
 /// Example: motorium score out/a.mcap
 #[derive(Debug, clap::Args)]

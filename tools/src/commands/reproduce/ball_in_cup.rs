@@ -15,7 +15,7 @@ use super::writer::FigureWriter;
 use crate::chart::{Chart, Series};
 use crate::commands::learn::threads::threads;
 
-/// Catching a ball in a cup by PoWER, on weights of a motion library and of radial kernels.
+/// Catch a ball in a cup with PoWER, on the weights of a motion library and of radial kernels.
 ///
 /// Each search starts from the mean of a demonstrator's attempts and learns from one episode per rollout.
 /// Writes the returns as CSV and SVG (bars: standard errors over seeds), and reports which claims hold.
@@ -29,7 +29,7 @@ pub(super) struct BallInCup {
     /// File of the task
     #[arg(long, value_name = "FILE", default_value = "tasks/ball-in-cup.toml")]
     task: PathBuf,
-    /// Number of seeds; each gives one search in every space
+    /// Number of seeds, each for one search in every space
     #[arg(long, default_value_t = 10, value_parser = clap::value_parser!(u64).range(2..=1000))]
     seeds: u64,
     /// First seed
@@ -38,7 +38,7 @@ pub(super) struct BallInCup {
     /// Numbers of weights
     #[arg(long, value_delimiter = ',', default_values_t = [8, 16], value_parser = clap::value_parser!(u32).range(2..=120))]
     weights: Vec<u32>,
-    /// Episodes from which a search learns
+    /// Number of episodes of a search
     #[arg(long, default_value_t = 300, value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
     rollouts: u64,
     /// Threads; all cores if not given
@@ -105,7 +105,7 @@ fn caught(point: &Point) -> f64 {
 const MEASURES: [(&str, &str, Value); 2] =
     [("return", "mean return", mean_return), ("caught", "share of caught balls", caught)];
 
-/// A value against the rollouts, with standard errors over seeds.
+/// Returns a value against the rollouts, with standard errors over seeds.
 fn chart(study: &Study, settings: &StudySettings, y: &str, value: Value) -> Chart {
     let one = |weights: Weights, count: usize| {
         let trials: Vec<&Trial> = study.trials(weights, count).collect();
@@ -129,7 +129,7 @@ fn chart(study: &Study, settings: &StudySettings, y: &str, value: Value) -> Char
     }
 }
 
-/// One line per evaluation.
+/// Returns one line per evaluation.
 fn table(study: &Study) -> String {
     let mut table = "weights,count,seed,rollouts,mean_return,caught\n".to_owned();
     for Trial { weights, count, seed, curve } in &study.trials {

@@ -19,7 +19,7 @@ const TASK: &str = include_str!("../../../tasks/cart-pole.toml");
 /// Return of a solved cart-pole; 500 is the largest.
 const SOLVED: f64 = 475.0;
 
-/// Balancing a cart-pole by imitation and reinforcement, Delhaisse's thesis (2019), figure 2.32.
+/// Balance a cart-pole by imitation and reinforcement, figure 2.32 of Delhaisse's thesis (2019).
 ///
 /// A linear policy learns by PoWER and a network by PPO, each after imitating a demonstrator that lets the
 /// cart run off its track, and from scratch. Writes the returns as CSV and SVG (bars: standard errors over
@@ -31,19 +31,19 @@ pub(super) struct Cartpole {
     /// The folder to write to
     #[arg(long, short, value_name = "DIR", default_value = "out")]
     output: PathBuf,
-    /// Number of seeds; each gives one trial of every method, with and without imitation
+    /// Number of seeds, each for one trial of every method, with and without imitation
     #[arg(long, default_value_t = 10, value_parser = clap::value_parser!(u64).range(2..=1000))]
     seeds: u64,
     /// First seed
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u64).range(0..=1_000_000_000))]
     seed: u64,
-    /// Steps of a demonstration
+    /// Number of steps of a demonstration
     #[arg(long, default_value_t = 1000, value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
     demonstration: u64,
-    /// Episodes from which PoWER learns
+    /// Number of episodes from which PoWER learns
     #[arg(long, default_value_t = 300, value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
     rollouts: u64,
-    /// Steps from which PPO learns
+    /// Number of steps from which PPO learns
     #[arg(long, default_value_t = 50_000, value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
     steps: u64,
     /// Threads; all cores if not given
@@ -97,7 +97,7 @@ impl Cartpole {
     }
 }
 
-/// Mean return of a method against its experience, with the demonstrator's.
+/// Returns the mean return of a method against its experience, with the demonstrator's.
 fn chart(study: &Study, method: Method) -> Chart {
     let one = |beginning: Beginning| {
         let curves: Vec<&Trial> = study.trials(method, beginning).collect();
@@ -128,7 +128,7 @@ fn chart(study: &Study, method: Method) -> Chart {
     }
 }
 
-/// One line per evaluation.
+/// Returns one line per evaluation.
 fn table(study: &Study) -> String {
     let mut table = "method,beginning,seed,experience,mean_return\n".to_owned();
     for Trial { method, beginning, seed, curve } in &study.trials {

@@ -11,8 +11,8 @@ use super::{body, letters, perception, search};
 
 /// The motion library of Delhaisse's thesis (2019), chapter 3: figures 3.9 to 3.12 and 3.14 to 3.19.
 ///
-/// Writes each as CSV and SVG (bars: standard errors), and reports which claims hold on these data. An
-/// interrupted run continues when started again with the same options.
+/// Writes each figure as CSV and SVG (bars: standard errors), and reports which claims hold for these data.
+/// An interrupted run continues when started again with the same options.
 ///
 /// Example: motorium reproduce chapter3 --data recordings/ --output out/
 #[derive(Debug, clap::Args)]
@@ -23,22 +23,22 @@ pub(super) struct Chapter3 {
     /// The folder to write to
     #[arg(long, short, value_name = "DIR", default_value = "out")]
     output: PathBuf,
-    /// Samples of each letter
+    /// Number of samples per letter
     #[arg(long, default_value_t = 200)]
     samples: usize,
-    /// Letters and seeds of each policy search
+    /// Number of letters, and of seeds, of each policy search
     #[arg(long, default_value_t = 10)]
     searches: usize,
-    /// Training epochs of the network
+    /// Number of training epochs of the network
     #[arg(long, default_value_t = 220)]
     epochs: usize,
     /// Number of networks to train, each with a different seed
     #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u64).range(1..=100))]
     networks: u64,
-    /// Random splits of the letters over which errors of position are averaged
+    /// Number of random splits of the letters over which position errors are averaged
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..=100))]
     splits: u64,
-    /// Discard the parts that an earlier run in this folder finished
+    /// Discard the results of an earlier run in this folder, and start again
     #[arg(long)]
     restart: bool,
     /// Print as JSON
@@ -47,7 +47,7 @@ pub(super) struct Chapter3 {
 }
 
 impl Chapter3 {
-    /// Options, and the size of each file of the data.
+    /// Returns the options, and the size of each file of the data.
     fn figures_depend_on(&self) -> serde_json::Value {
         let mut files: Vec<(String, u64)> = Vec::new();
         for folder in ["uci-char-trajectories", "cmu-mocap"] {

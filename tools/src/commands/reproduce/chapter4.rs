@@ -28,13 +28,13 @@ pub(super) struct Chapter4 {
     /// The folder to write to
     #[arg(long, short, value_name = "DIR", default_value = "out")]
     output: PathBuf,
-    /// Number of splits of the poses, each with other held-out poses
+    /// Number of splits of the poses, each with different held-out poses
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u64).range(2..=20))]
     splits: u64,
     /// Maximum number of iterations of each training
     #[arg(long, default_value_t = 300)]
     iterations: usize,
-    /// Discard the parts that an earlier run in this folder finished
+    /// Discard the results of an earlier run in this folder, and start again
     #[arg(long)]
     restart: bool,
     /// Print as JSON
@@ -84,7 +84,7 @@ impl Pair {
         a.mean <= b.mean + a.error.hypot(b.error)
     }
 
-    /// An error next to the error of the model trained for this robot.
+    /// Returns an error next to the error of the model trained for this robot.
     fn describe(&self, a: Estimate) -> String {
         let b = self.result.trained;
         let (a, b) = (with_error(a.mean, a.error), with_error(b.mean, b.error));
@@ -92,7 +92,7 @@ impl Pair {
     }
 }
 
-/// A point of a chart.
+/// Returns a point of a chart.
 fn point(x: usize, estimate: Estimate) -> [f64; 3] {
     [x as f64, estimate.mean, estimate.error]
 }

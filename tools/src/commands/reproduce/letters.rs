@@ -77,7 +77,7 @@ fn eigenforces(writer: &mut FigureWriter, library: &MotionLibrary) -> anyhow::Re
     Ok(())
 }
 
-/// The path of a held-out letter by the first `n` eigenforces, next to its own.
+/// Returns the path of a held-out letter by the first `n` eigenforces, next to its own.
 fn drawn(library: &MotionLibrary, letter: &motorium_library::Trajectory, n: usize) -> Tile {
     let movement = Movement::from_trajectory(letter, library.spring());
     let weights = library.project(&movement.forces);
@@ -193,7 +193,7 @@ fn bases(
     Ok(())
 }
 
-/// Errors of position over several random splits, for the spread between splits.
+/// Returns the errors of position over several random splits, for the spread between splits.
 pub(super) fn splits(
     writer: &mut FigureWriter,
     all: &Recordings,

@@ -29,8 +29,8 @@ const GRAPH: &str = "quadruped-trot";
 /// Condition on the base height of a robot that has not fallen.
 const UPRIGHT: &str = "physics.base_height_lowest_m > 0.12";
 
-/// Walking by Bayesian optimisation, Delhaisse's thesis (2019), figures 2.30 and 2.31: six numbers of the
-/// pattern generator of a quadruped, open loop.
+/// Optimise the gait of a quadruped with Bayesian optimisation, figures 2.30 and 2.31 of Delhaisse's thesis
+/// (2019): six numbers of an open-loop pattern generator.
 ///
 /// Compares an RBF kernel with expected improvement and 5 initial points, as in the thesis, with a Matern
 /// kernel, random search and the hand-set gait. Writes each figure as CSV and SVG (bars: standard errors over
@@ -42,16 +42,16 @@ pub(super) struct Locomotion {
     /// The folder to write to
     #[arg(long, short, value_name = "DIR", default_value = "out")]
     output: PathBuf,
-    /// Number of seeds; each gives one search with each method
+    /// Number of seeds, each for one search with each method
     #[arg(long, default_value_t = 10, value_parser = clap::value_parser!(u64).range(2..=1000))]
     seeds: u64,
     /// First seed
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u64).range(0..=1_000_000_000))]
     seed: u64,
-    /// Evaluations of each search
+    /// Number of evaluations of each search
     #[arg(long, default_value_t = 40, value_parser = clap::value_parser!(u64).range(2..=10_000))]
     evaluations: u64,
-    /// Simulated seconds of an evaluation
+    /// Simulated time of an evaluation, s
     #[arg(long, default_value_t = 5.0)]
     seconds: f64,
     /// Threads; all cores if not given
@@ -184,7 +184,7 @@ fn charts(writer: &mut FigureWriter, study: &Study) -> anyhow::Result<()> {
     writer.chart("locomotion-distance", &chart(title, "distance, ranges", distances))
 }
 
-/// One line per evaluation.
+/// Returns one line per evaluation.
 fn table(study: &Study) -> String {
     let names = PARAMETERS.map(|parameter| format!("\"{}\"", parameter.name)).join(",");
     let mut table = format!("method,seed,evaluation,outcome,\"speed, m/s\",{names}\n");

@@ -45,7 +45,7 @@ pub(super) fn figure(
     claims(writer, &held, &letters.nearest_picture(), &networks)
 }
 
-/// One letter of each label, by the first network.
+/// Returns one letter of each label, by the first network.
 fn draw(
     writer: &mut FigureWriter,
     held: &Recordings,

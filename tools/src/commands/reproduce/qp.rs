@@ -10,8 +10,8 @@ use crate::chart::{Chart, Series};
 use crate::out::outln;
 use crate::report::decimal;
 
-/// Stacks of tasks of Delhaisse's thesis (2019), figure 2.27: a posture, a hand, both in a sum, and the hand
-/// above the posture, on an iiwa with the same moving target.
+/// Compare stacks of tasks, figure 2.27 of Delhaisse's thesis (2019): a posture, a hand, their weighted sum,
+/// and the hand with priority over the posture, on an iiwa with the same moving target.
 ///
 /// Writes the errors of hand and posture as CSV and SVG, and reports which claims hold.
 ///
@@ -24,7 +24,7 @@ pub(super) struct Qp {
     /// The robot, with a fixed base, a home pose and one end effector
     #[arg(long, default_value = "iiwa14")]
     robot: String,
-    /// Seconds of motion
+    /// Duration of the motion, s
     #[arg(long, default_value_t = 8.0)]
     seconds: f64,
     /// Print as JSON

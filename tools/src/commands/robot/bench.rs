@@ -16,10 +16,10 @@ use crate::out::{errln, outln};
 use crate::report::table;
 use crate::style;
 
-/// Time the algorithms of a robot, on one thread, at random states.
+/// Measure the execution times of the algorithms for a robot, on one thread, at random states.
 ///
-/// Each sample is the mean of a batch of calls about 20 us long, so that reading the clock does not count;
-/// p50, p99 and max are over the samples.
+/// Each sample is the mean over a batch of calls of about 20 us, which makes the time of reading the clock
+/// negligible. p50, p99 and max are over the samples.
 ///
 /// Example: motorium robot bench panda
 #[derive(Debug, clap::Args)]
@@ -101,7 +101,7 @@ impl Bench {
     }
 }
 
-/// The frame moved by the most joints; Jacobians of other frames would partly be zero.
+/// Returns the frame moved by the most joints; Jacobians of other frames would partly be zero.
 fn tip(model: &Model) -> anyhow::Result<FrameId> {
     let base = model.frames().iter().rev().find_map(|frame| model.frame(&frame.name).ok());
     model.tip().or(base).ok_or_else(|| anyhow::anyhow!("the robot has no link"))

@@ -12,9 +12,9 @@ use crate::{exit, style};
 
 /// Check a robot's URDF or MJCF, and report every defect with its link or joint.
 ///
-/// A fault that prevents loading is reported with line and column, and exit code 3. Common defects of real
-/// robot files are warnings, and so are values that are probably in degrees or millimetres, and meshes that
-/// cannot be read; with --strict they cause exit code 3, too.
+/// A fault that prevents loading is reported with line and column, and causes exit code 3. Common defects of
+/// real robot files are warnings, such as values that are probably in degrees or millimetres, and unreadable
+/// meshes. With --strict, warnings also cause exit code 3.
 ///
 /// Example: motorium robot check arm.urdf --package-path ~/ros/src
 #[derive(Debug, clap::Args)]

@@ -3,7 +3,7 @@
 use motorium_robots::{Coordinate, Joint, JointKind, Limits, Loaded, Model};
 use serde_json::{Value, json};
 
-/// Name of a joint type.
+/// Returns the name of a joint type.
 pub(super) fn kind(kind: JointKind) -> &'static str {
     match kind {
         JointKind::Revolute => "revolute",
@@ -12,12 +12,12 @@ pub(super) fn kind(kind: JointKind) -> &'static str {
     }
 }
 
-/// `fixed` or `floating`.
+/// Returns `fixed` or `floating`.
 pub(super) fn base(model: &Model) -> &'static str {
     if model.base().floating { "floating" } else { "fixed" }
 }
 
-/// Moving mass and, if links are fixed to the world, the total mass.
+/// Returns the moving mass and, if links are fixed to the world, the total mass.
 pub(super) fn mass(model: &Model) -> String {
     let (moving, total) = (model.mass(), model.total_mass());
     match (total - moving).abs() <= 1e-9 * total.abs() {
@@ -37,12 +37,12 @@ pub(super) fn limits(model: &Model, joint: &Joint) -> Limits {
     }
 }
 
-/// A limit, or `null`.
+/// Returns a limit, or `null`.
 fn finite(value: f64) -> Option<f64> {
     value.is_finite().then_some(value)
 }
 
-/// The size of a robot.
+/// Returns the size of a robot.
 pub(super) fn size(model: &Model) -> Value {
     json!({
         "base": base(model),
@@ -56,7 +56,7 @@ pub(super) fn size(model: &Model) -> Value {
     })
 }
 
-/// All joints that move, mimic ones too.
+/// Returns all joints that move, mimic ones too.
 pub(super) fn joints(model: &Model) -> Vec<Value> {
     let joint = |body: &motorium_robots::Body| {
         let joint = &body.joint;
@@ -85,7 +85,7 @@ pub(super) fn joints(model: &Model) -> Vec<Value> {
     model.bodies().iter().map(joint).collect()
 }
 
-/// All facts.
+/// Returns all facts.
 pub(super) fn all(robot: &Loaded) -> Value {
     let model = &robot.model;
     let frame = |frame: &motorium_robots::Frame| {

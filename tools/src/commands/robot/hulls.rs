@@ -16,10 +16,11 @@ use super::urdf_text::text;
 use crate::out::{errln, outln};
 use crate::style;
 
-/// Write a copy of a URDF whose collision meshes are convex hulls, or several convex parts each.
+/// Write a copy of a URDF in which each collision mesh is replaced by its convex hull or by several convex
+/// parts.
 ///
-/// A link with a visual mesh but no collision shape gets the visual's hull. The copy and its meshes are in
-/// one folder and need no packages for collisions; visuals are not changed.
+/// A link with a visual mesh but no collision shape gets the hull of its visual. The copy and its collision
+/// meshes are in one folder and need no packages; visuals are not changed.
 ///
 /// Example: motorium robot hulls ur5.urdf --output ur5-hulls --parts 4
 #[derive(Debug, clap::Args)]
@@ -72,11 +73,7 @@ impl Hulls {
             "hulls are written for URDF files; MuJoCo makes its own of the meshes of an MJCF file, and so does motorium"
         );
         let meshes = meshes(&document);
-        anyhow::ensure!(
-            !meshes.is_empty(),
-            "no link of robot `{}` has a mesh to make a hull of",
-            robot.model.name()
-        );
+        anyhow::ensure!(!meshes.is_empty(), "no link of robot `{}` has a mesh", robot.model.name());
         std::fs::create_dir_all(self.output.join("meshes"))
             .with_context(|| format!("making {}", self.output.display()))?;
         let mut edits: Vec<(std::ops::Range<usize>, String)> = Vec::new();
@@ -132,12 +129,12 @@ impl Hulls {
         packages.folders.extend(environment.folders);
         packages.prefixes.extend(environment.prefixes);
         let path = packages.resolve(&mesh.uri, file).map_err(|_| {
-            anyhow::anyhow!("mesh {} is nowhere; name its folder by --package-path", mesh.uri)
+            anyhow::anyhow!("mesh {} was not found; name its folder with --package-path", mesh.uri)
         })?;
         let parts = TriangleMesh::read(&path)?
             .scaled(&mesh.scale)
             .convex_parts(self.parts as usize, self.corners as usize);
-        anyhow::ensure!(!parts.is_empty(), "mesh {} is flat, and has no hull", mesh.uri);
+        anyhow::ensure!(!parts.is_empty(), "mesh {} is flat, so it has no hull", mesh.uri);
         let (mut elements, mut files, mut corners) = (String::new(), Vec::new(), 0);
         for part in &parts {
             let count = counts.entry(mesh.link.clone()).or_default();

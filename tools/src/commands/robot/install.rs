@@ -11,9 +11,9 @@ use crate::style;
 
 /// Install a collection of robots into the user's data folder, where commands and graphs find them by name.
 ///
-/// `example-robot-data` is the collection that Pinocchio's examples use: some seventy robot files, most under
-/// BSD or Apache licences; some robots are not (each robot's README says which). pip downloads it from PyPI;
-/// nothing is executed.
+/// `example-robot-data` is the collection that Pinocchio's examples use: about seventy robot files. Most have
+/// BSD or Apache licences; the README of each robot names its licence. pip downloads it from PyPI; nothing is
+/// executed.
 ///
 /// Example: motorium robot install example-robot-data
 #[derive(Debug, clap::Args)]
@@ -21,7 +21,7 @@ pub(super) struct Install {
     /// The collection
     #[arg(value_enum)]
     collection: Collection,
-    /// Its version
+    /// Version of the collection
     #[arg(long, default_value = "6.0.0")]
     version: String,
     /// The Python interpreter whose pip is used
@@ -39,14 +39,14 @@ enum Collection {
 }
 
 impl Collection {
-    /// Name of the package, and of its folder.
+    /// Returns the name of the package, and of its folder.
     fn name(self) -> &'static str {
         match self {
             Self::ExampleRobotData => "example-robot-data",
         }
     }
 
-    /// Folder of its robots in the unpacked package.
+    /// Returns the folder of its robots in the unpacked package.
     fn inside(self) -> &'static str {
         match self {
             Self::ExampleRobotData => "cmeel.prefix/share/example-robot-data",
@@ -90,7 +90,7 @@ impl Install {
         let there = pip(&["--version"]).output();
         anyhow::ensure!(
             there.is_ok_and(|output| output.status.success()),
-            "`{python} -m pip` does not work, and the robots come by pip; install it (Debian: apt install python3-pip), name \
+            "`{python} -m pip` does not work, but pip is required to download the robots; install it (Debian: apt install python3-pip), name \
              another Python with --python, or unpack the wheel from https://pypi.org/project/{name}/ into {}",
             folder.join(name).display()
         );
@@ -100,7 +100,7 @@ impl Install {
         install.args(["--only-binary", ":all:", "--target"]).arg(unpacked).arg(&package);
         let output = install.output().with_context(|| format!("starting {python} -m pip"))?;
         let complaint = String::from_utf8_lossy(&output.stderr);
-        anyhow::ensure!(output.status.success(), "pip could not get {package}:\n{}", complaint.trim());
+        anyhow::ensure!(output.status.success(), "pip could not download {package}:\n{}", complaint.trim());
         let robots = unpacked.join(self.collection.inside());
         anyhow::ensure!(
             robots.is_dir(),

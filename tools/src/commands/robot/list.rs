@@ -10,7 +10,7 @@ use super::facts;
 use crate::out::outln;
 use crate::report::table;
 
-/// The robots of the catalogue, and the installed ones.
+/// List the robots of the catalogue, and the installed ones.
 ///
 /// Example: motorium robot list --json
 #[derive(Debug, clap::Args)]

@@ -12,7 +12,7 @@ use crate::out::{out, outln};
 use crate::report::table;
 use crate::style;
 
-/// Joints, limits, frames, poses, feet, gains and sources of a robot.
+/// Show joints, limits, frames, poses, feet, gains and sources of a robot.
 ///
 /// Example: motorium robot show panda
 #[derive(Debug, clap::Args)]
@@ -74,7 +74,7 @@ fn describe(robot: &Loaded) -> String {
     text
 }
 
-/// Table with one row per joint, including its gains.
+/// Returns the table with one row per joint, including its gains.
 fn joints(model: &Model, profile: Option<&Profile>) -> String {
     if model.bodies().is_empty() {
         return String::new();
@@ -136,7 +136,7 @@ fn frames(model: &Model) -> String {
     text + "\n"
 }
 
-/// All poses, with values in the order of the joints.
+/// Returns all poses, with values in the order of the joints.
 fn poses(model: &Model, profile: &Profile) -> String {
     let mut text = "poses\n".to_string();
     for name in profile.poses.keys() {
@@ -168,7 +168,7 @@ fn postures(postures: &[Posture]) -> String {
     if text.is_empty() { text } else { format!("poses of its SRDF\n{text}\n") }
 }
 
-/// Actuated joints, feet, wheels and rotors.
+/// Returns the actuated joints, feet, wheels and rotors.
 fn parts(profile: &Profile) -> String {
     let mut text = String::new();
     for (name, end) in &profile.end_effectors {

@@ -34,7 +34,7 @@ pub(super) struct RobotArgs {
 pub(super) struct ProfiledArgs {
     #[command(flatten)]
     pub(super) robot: RobotArgs,
-    /// Another profile than the robot's own
+    /// Profile to use instead of the robot's own
     #[arg(long, value_name = "FILE.toml")]
     pub(super) profile: Option<PathBuf>,
 }
@@ -49,7 +49,7 @@ impl ProfiledArgs {
         self.robot.open_with(mimic, self.choice())
     }
 
-    /// The robot with the shapes of its visuals.
+    /// Returns the robot with the shapes of its visuals.
     pub(super) fn open_visual(&self, mimic: MimicMode) -> Result<Loaded, ExitCode> {
         self.robot.load_with(mimic, self.choice(), ShapeSource::Visual).map_err(|error| refused(&error))
     }
@@ -61,7 +61,7 @@ impl RobotArgs {
         self.load_with(mimic, ProfileChoice::Own, ShapeSource::Collision)
     }
 
-    /// The requested base.
+    /// Returns the requested base.
     pub(super) fn base(&self) -> BaseMode {
         match (self.floating_base, self.fixed_base) {
             (true, _) => BaseMode::Floating,

@@ -2,7 +2,7 @@
 
 use motorium_robots::Loaded;
 
-/// The URDF text of a loaded robot.
+/// Returns the URDF text of a loaded robot.
 pub(super) fn text(robot: &Loaded) -> anyhow::Result<String> {
-    robot.text()?.ok_or_else(|| anyhow::anyhow!("the robot comes from nowhere"))
+    robot.text()?.ok_or_else(|| anyhow::anyhow!("the robot has no source file"))
 }

@@ -14,8 +14,8 @@ use crate::failure::Failure;
 use crate::out::outln;
 use crate::registry;
 
-/// Print the JSON Schema of graph files, of a report, of what `top` prints, of a benchmark, or of an error,
-/// or the types for Python.
+/// Print the JSON Schema of graph files, reports, the output of `top`, benchmarks or errors, or the types for
+/// Python.
 ///
 /// Example: motorium schema graph > graph.schema.json
 #[derive(Debug, clap::Args)]
@@ -59,7 +59,7 @@ impl Schema {
     }
 }
 
-/// Schema of a serialised document: fields that are always present are required.
+/// Returns the schema of a serialised document: fields that are always present are required.
 fn written<T: JsonSchema>() -> schemars::Schema {
     SchemaSettings::draft07().for_serialize().into_generator().into_root_schema_for::<T>()
 }

@@ -32,7 +32,7 @@ fn class(layout: &TypeLayout, text: &mut String) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The `ctypes` expression of a number or an array of numbers.
+/// Returns the `ctypes` expression of a number or an array of numbers.
 fn kind(layout: &TypeLayout, field: &FieldLayout) -> anyhow::Result<String> {
     let array = field.kind.strip_prefix('[').and_then(|kind| kind.strip_suffix(']'));
     let (number, entries) = array.and_then(|array| array.split_once("; ")).unwrap_or((&field.kind, ""));

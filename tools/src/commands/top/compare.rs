@@ -153,9 +153,9 @@ fn rate(plan: &ComponentPlan, now: &ComponentSample, now_ns: u64) -> f64 {
     launcher::steps_per_second(now.begun, first, last, now_ns, plan.period_ns())
 }
 
-/// Rate from the last step before the interval to the last one in it, so that a late reading does not change
-/// it. For a component that no longer steps, the rate up to the end of the interval. `None` if it had not
-/// stepped before.
+/// Returns the rate from the last step before the interval to the last one in it, so that a late reading does
+/// not change it. For a component that no longer steps, the rate up to the end of the interval. `None` if it
+/// had not stepped before.
 fn interval_rate(
     plan: &ComponentPlan,
     (now, now_ns): (&ComponentSample, u64),

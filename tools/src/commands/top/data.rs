@@ -197,7 +197,7 @@ pub(super) enum Span {
 macro_rules! over {
     ($($type:ident => $span:ident),*) => {
         $(impl $type {
-            /// Data of this span of time.
+            /// Returns the data of this span of time.
             pub(super) fn over(&self, span: Span) -> &$span {
                 match span {
                     Span::Run => &self.run,

@@ -51,7 +51,7 @@ fn component(name: &str, core: Option<usize>, run: ComponentSpan, interval: Comp
     }
 }
 
-/// A graph after twelve seconds.
+/// Returns a graph after twelve seconds.
 pub(super) fn top() -> Top {
     let mut physics =
         component("physics", Some(1), span(12_345, 999.8, 0.025, 85.0), span(1_000, 1000.0, 0.03, 90.0));

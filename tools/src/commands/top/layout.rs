@@ -109,7 +109,7 @@ impl Sheet {
         widths
     }
 
-    /// First and last column of each run of columns of one group.
+    /// Returns the first and last column of each run of columns of one group.
     fn spans(&self) -> Vec<(usize, usize)> {
         let mut spans: Vec<(usize, usize)> = Vec::new();
         for (i, column) in self.columns.iter().enumerate() {
@@ -149,7 +149,7 @@ fn padded(columns: &[Column], widths: &[usize], row: Vec<Cell>) -> Vec<Cell> {
     line
 }
 
-/// A line as plain text.
+/// Returns a line as plain text.
 pub(super) fn to_text(line: &[Cell]) -> String {
     let text: String = line.iter().map(|cell| cell.text.as_str()).collect();
     text.trim_end().to_string()

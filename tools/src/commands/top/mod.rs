@@ -32,7 +32,7 @@ use view::View;
 /// Show the timing of a running graph: rates, lateness, latencies, misses and their causes, cores,
 /// memory.
 ///
-/// It reads shared memory and /proc from the shared cores. No component waits for it.
+/// The command reads shared memory and /proc on the shared cores. It does not disturb the components.
 ///
 /// Example: motorium top --once --json
 #[derive(Debug, clap::Args)]
@@ -40,13 +40,13 @@ pub(crate) struct Top {
     /// Run to show: its id, a prefix of the id, or the name of its graph [default: the newest]
     #[arg(value_name = "RUN", add = crate::complete::runs())]
     name: Option<String>,
-    /// The same, as in other commands
+    /// Same as RUN, by the option of other commands
     #[arg(long = "run", value_name = "ID", conflicts_with = "name", add = crate::complete::runs())]
     run: Option<String>,
     /// Time between two readings
     #[arg(long, value_name = "TIME", default_value = "1s", allow_hyphen_values = true)]
     interval: TimeSpan,
-    /// Times and counts of the last interval instead of the whole run
+    /// Show times and counts of the last interval instead of the whole run
     #[arg(long)]
     last: bool,
     /// Sort key of components
@@ -55,11 +55,11 @@ pub(crate) struct Top {
     /// Print one table, over one interval, and exit
     #[arg(long)]
     once: bool,
-    /// Print JSON: an object per interval and line, or with --once one for reading; the whole run and the
-    /// last interval, in the order of the graph
+    /// Print JSON: one object per line and interval, or one indented object with --once. Each contains the
+    /// whole run and the last interval, in the order of the graph
     #[arg(long, conflicts_with_all = ["sort", "last"])]
     json: bool,
-    /// Serve Prometheus metrics: a port of this machine alone (`9464`), or a whole address (`0.0.0.0:9464`)
+    /// Serve Prometheus metrics, on a port of this machine (`9464`) or an address (`0.0.0.0:9464`)
     #[arg(long, value_name = "ADDR", conflicts_with = "once")]
     metrics: Option<Address>,
 }

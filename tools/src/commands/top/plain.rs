@@ -7,7 +7,7 @@ use super::view::View;
 use crate::progress::causes;
 use crate::report::microseconds;
 
-/// All tables, one below the other.
+/// Returns all tables, one below the other.
 pub(super) fn tables(top: &Top, view: View) -> String {
     let mut text = to_text(&view.title(top)) + "\n";
     for sheet in view.sheets(top) {

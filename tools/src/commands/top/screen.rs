@@ -129,7 +129,7 @@ fn draw(frame: &mut Frame<'_>, screen: &mut Screen) {
     frame.render_widget(Paragraph::new(vec![orders(screen), keys(screen, below)]), footer);
 }
 
-/// The sort keys, with the current one marked.
+/// Returns the sort keys, with the current one marked.
 fn orders(screen: &Screen) -> Line<'static> {
     let mut pieces = vec![Piece::raw("sort by")];
     for (key, order, name) in Order::KEYS {

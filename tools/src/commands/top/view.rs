@@ -20,7 +20,7 @@ pub(super) struct View {
 }
 
 impl View {
-    /// The run and its state, in a line.
+    /// Returns the run and its state, in a line.
     pub(super) fn title(self, top: &Top) -> Vec<Cell> {
         let clock = match top.clock {
             ClockKind::Realtime => "in real time",
@@ -44,7 +44,7 @@ impl View {
         ]
     }
 
-    /// All tables.
+    /// Returns all tables.
     pub(super) fn sheets(self, top: &Top) -> Vec<Sheet> {
         let mut components: Vec<&ComponentTop> = top.components.iter().collect();
         self.order.sort(&mut components, self.span, self.reversed);
@@ -208,7 +208,7 @@ fn cores(cores: &[CoreTop]) -> Sheet {
     Sheet { columns, rows: cores.iter().map(row).collect() }
 }
 
-/// Percentile columns; `rank` is the rank of the first to drop. Maximum and p99 are dropped last.
+/// Returns the percentile columns; `rank` is the rank of the first to drop. Maximum and p99 are dropped last.
 fn percentile_columns(group: &'static str, rank: u8) -> [Column; 4] {
     let ranked = |more: u8| if rank == 0 { 0 } else { rank + more };
     [

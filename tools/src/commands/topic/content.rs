@@ -32,7 +32,7 @@ pub(super) struct Slice<'a> {
 }
 
 impl<'a> Content<'a> {
-    /// The content of a sample of a topic.
+    /// Returns the content of a sample of a topic.
     ///
     /// # Errors
     /// If a single value is malformed.
@@ -54,7 +54,7 @@ impl Serialize for Content<'_> {
 }
 
 impl Slice<'_> {
-    /// The elements, each in the layout.
+    /// Returns the elements, each in the layout.
     fn elements(&self) -> impl ExactSizeIterator<Item = &[u8]> {
         self.bytes.chunks_exact(self.layout.size.max(1))
     }
@@ -105,7 +105,7 @@ impl Serialize for Slice<'_> {
     }
 }
 
-/// The fields of an element in one line.
+/// Returns the fields of an element in one line.
 fn fields(value: &Decoded<'_>) -> String {
     let mut text = String::new();
     for (name, value) in &value.0 {

@@ -37,10 +37,10 @@ pub(super) struct Echo {
     /// Maximum rate at which the newest sample is shown, in Hz [default: 10]
     #[arg(long, value_name = "HZ", value_parser = rate)]
     rate: Option<f64>,
-    /// Show every sample that is still in the history of the topic
+    /// Show every sample, starting with the history of the topic
     #[arg(long, conflicts_with = "rate")]
     every: bool,
-    /// Print one JSON object a line
+    /// Print one JSON object per line
     #[arg(long)]
     json: bool,
 }
@@ -202,7 +202,7 @@ fn is_of_joints(value: &FieldValue, joints: usize) -> bool {
     matches!(value, FieldValue::Many(numbers) if numbers.len() == joints)
 }
 
-/// A sample as readable lines: the stamp, then its content.
+/// Returns a sample as readable lines: the stamp, then its content.
 fn lines(line: &Line<'_>) -> String {
     let chain = line.publish_time_ns.saturating_sub(line.source_time_ns);
     let text = format!(

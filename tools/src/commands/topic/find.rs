@@ -5,7 +5,7 @@ use motorium::plan::{Plan, TopicPlan};
 
 use super::log;
 
-/// The topic of this name and its index.
+/// Returns the topic of this name and its index.
 pub(super) fn find<'a>(plan: &'a Plan, name: &str) -> anyhow::Result<(usize, &'a TopicPlan)> {
     plan.topics.iter().enumerate().find(|(_, topic)| topic.name == name).ok_or_else(|| {
         if name == log::TOPIC {

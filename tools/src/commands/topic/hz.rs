@@ -18,7 +18,7 @@ use crate::{exit, style};
 
 /// Measure the rate of a topic and the spread of its intervals.
 ///
-/// Both are computed from the publisher's stamps, so the time of reading does not affect them.
+/// Rate and intervals are computed from the publisher's stamps, so the time of reading does not affect them.
 ///
 /// Example: motorium topic hz panda/joint_state --for 5s
 #[derive(Debug, clap::Args)]

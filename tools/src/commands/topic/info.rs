@@ -18,7 +18,7 @@ use crate::report::table;
 use crate::runs::RunArg;
 use crate::style;
 
-/// One topic in detail, with the layout of its samples.
+/// Show one topic in detail, with the layout of its samples.
 ///
 /// Example: motorium topic info panda/joint_state
 #[derive(Debug, clap::Args)]

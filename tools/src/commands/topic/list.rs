@@ -15,7 +15,7 @@ use crate::out::outln;
 use crate::report::table;
 use crate::runs::{LivingRun, RunArg};
 
-/// All topics: type, writer, readers, rate, age.
+/// List all topics: type, writer, readers, rate, age.
 ///
 /// Example: motorium topic list --json
 #[derive(Debug, clap::Args)]
@@ -83,7 +83,7 @@ impl List {
     }
 }
 
-/// All topics of a run, with rates measured over `time`.
+/// Returns all topics of a run, with rates measured over `time`.
 pub(super) fn rows(run: &LivingRun, time: Duration) -> Vec<Row> {
     let blocks = run.region.topics();
     let before: Vec<Count> = blocks.iter().map(Count::from_block).collect();

@@ -21,7 +21,7 @@ pub(super) fn message(record: &EventRecord) -> Event {
     message
 }
 
-/// The fields of a message.
+/// Returns the fields of a message.
 pub(super) fn decoded(message: &Event) -> Decoded<'static> {
     Decoded(vec![
         ("code", FieldValue::One(Number::from(u64::from(message.code)))),
@@ -60,7 +60,7 @@ pub(super) fn line<'a>(
     }
 }
 
-/// Row of the log in the list of topics.
+/// Returns the row of the log in the list of topics.
 pub(super) fn row(run: &LivingRun, before: u64, seconds: f64) -> Row {
     let count = run.region.events().count();
     Row {

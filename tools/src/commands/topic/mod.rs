@@ -16,7 +16,7 @@ pub(crate) mod watch;
 
 use std::process::ExitCode;
 
-/// Show the topics of a running graph, and feed topics that accept outside values.
+/// Show the topics of a running graph, and publish on topics that accept values from outside.
 ///
 /// No component ever waits for an observer.
 ///

@@ -34,12 +34,12 @@ impl Pace {
         (steps == 1).then_some(interval)
     }
 
-    /// Samples received.
+    /// Returns the samples received.
     pub(super) fn received(&self) -> u64 {
         self.received
     }
 
-    /// Number of samples published but not received between received ones.
+    /// Returns the number of samples published but not received between received ones.
     pub(super) fn lost(&self) -> u64 {
         self.lost
     }
@@ -49,7 +49,7 @@ impl Pace {
         (self.span_ns > 0).then(|| self.publications as f64 * 1e9 / self.span_ns as f64)
     }
 
-    /// From the first to the last received sample, ns.
+    /// Returns the time from the first to the last received sample, ns.
     pub(super) fn span_ns(&self) -> u64 {
         self.span_ns
     }

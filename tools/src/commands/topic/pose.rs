@@ -29,7 +29,7 @@ pub(super) fn complete(topic: &TopicPlan, bytes: &mut [u8], newest: &mut TopicRe
     newest.poll();
     let Some(before) = newest.value::<PoseTarget>()? else {
         bail!(
-            "`orientation` is missing, and `{}` has no value yet whose orientation could stay\nhelp: add \
+            "`orientation` is missing, and `{}` has no value yet whose orientation could be kept\nhelp: add \
              'orientation=[x, y, z, w]'",
             topic.name
         );

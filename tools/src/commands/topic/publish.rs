@@ -21,11 +21,11 @@ const ARRIVAL: Duration = Duration::from_secs(3);
 /// Interval between two polls for the publication.
 const POLL: Duration = Duration::from_millis(2);
 
-/// Publish values on a topic that a bridge of the graph feeds from outside.
+/// Publish values on a topic that accepts them from outside, through a bridge of the graph.
 ///
 /// The topic must be published by `bridge.iceoryx2`: outside programs never replace a component. Omitted
-/// fields are zero; counts follow from the entries of arrays. A PoseTarget without an orientation keeps the
-/// orientation of the topic's newest value.
+/// fields are zero, and counts are derived from the lengths of arrays. A PoseTarget without an orientation
+/// keeps the orientation of the topic's newest value.
 ///
 /// Example: motorium topic pub panda/target 'position=[0.4, 0.0, 0.5] orientation=[1, 0, 0, 0]' --rate 100
 /// --for 2s
@@ -63,8 +63,9 @@ impl Pub {
         fed_from_outside(&run.plan, topic)?;
         let watch = Watch::open(&run, topic)?;
         pose::complete(topic, &mut bytes, &mut watch.reader()?)?;
-        let feed = Feed::open(&run.folder.domain()?, topic)
-            .with_context(|| format!("`{}` of run {} cannot be fed", topic.name, run.folder.id()))?;
+        let feed = Feed::open(&run.folder.domain()?, topic).with_context(|| {
+            format!("values cannot be published on `{}` of run {}", topic.name, run.folder.id())
+        })?;
         let (mut tap, begin) = (watch.tap()?, Instant::now());
         let Some(rate) = self.rate else {
             // publications from before this command do not confirm it
@@ -86,7 +87,7 @@ impl Pub {
                 End::Interrupted => bail!("interrupted before the value was published"),
                 End::RunOver => bail!("run {} ended before the value was published", run.folder.id()),
                 End::Time => bail!(
-                    "the bridge did not publish the value within {} s: does another program feed `{}`?",
+                    "the bridge did not publish the value within {} s: does another program publish on `{}`?",
                     ARRIVAL.as_secs(),
                     topic.name
                 ),

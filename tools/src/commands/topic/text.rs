@@ -3,7 +3,7 @@
 use motorium::declare::TopicPattern;
 use motorium::plan::Plan;
 
-/// A pattern as text.
+/// Returns a pattern as text.
 pub(super) fn pattern(pattern: TopicPattern) -> String {
     match pattern {
         TopicPattern::State => "state".to_string(),
@@ -12,7 +12,7 @@ pub(super) fn pattern(pattern: TopicPattern) -> String {
     }
 }
 
-/// Names of components by their indices.
+/// Returns the names of components by their indices.
 pub(super) fn names(plan: &Plan, components: &[usize]) -> Vec<String> {
     components.iter().map(|&index| plan.components[index].name.clone()).collect()
 }

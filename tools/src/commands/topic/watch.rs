@@ -59,12 +59,12 @@ impl<'a> Watch<'a> {
         Ok(Self { run, topic, interrupted })
     }
 
-    /// A reader of every sample of the topic.
+    /// Returns a reader of every sample of the topic.
     pub(crate) fn tap(&self) -> anyhow::Result<Tap> {
         Ok(Tap::open(&self.run.folder.domain()?, self.topic)?)
     }
 
-    /// A reader of the newest sample of the topic.
+    /// Returns a reader of the newest sample of the topic.
     pub(crate) fn reader(&self) -> anyhow::Result<TopicReader> {
         Ok(TopicReader::open(&self.run.folder.domain()?, self.topic)?)
     }
@@ -116,7 +116,7 @@ impl<'a> Watch<'a> {
     }
 }
 
-/// Polling interval for samples of this period, usually short enough that none is overwritten.
+/// Returns the polling interval for samples of this period, usually short enough that none is overwritten.
 pub(super) fn poll_for(period_ns: u64) -> Duration {
     Duration::from_nanos((period_ns / 4).clamp(100_000, 5_000_000))
 }

@@ -29,7 +29,7 @@ pub(super) static FILES: [File; 4] = [
     file!("/licences.txt", "text/plain; charset=utf-8", "licences.txt"),
 ];
 
-/// A digest of all files, as 16 hexadecimal digits.
+/// Returns a digest of all files, as 16 hexadecimal digits.
 pub(super) fn digest() -> String {
     let mut digest = Digest::default();
     FILES.iter().for_each(|file| digest.write(file.content));

@@ -84,7 +84,7 @@ pub(super) fn read(bytes: &[u8]) -> Option<Asked> {
     })
 }
 
-/// The value of `token` in a query.
+/// Returns the value of `token` in a query.
 fn token_of(query: &str) -> Option<String> {
     let pairs = query.split('&').filter_map(|pair| pair.split_once('='));
     pairs.filter(|(name, _)| *name == "token").map(|(_, value)| value.to_string()).next()
@@ -99,7 +99,7 @@ fn is_loopback(host: &str) -> bool {
     ["localhost", "127.0.0.1", "[::1]"].contains(&name)
 }
 
-/// The head of an answer whose body has this type and length.
+/// Returns the head of an answer whose body has this type and length.
 pub(super) fn head(status: Status, content_type: &str, length: usize) -> String {
     let allow = if status == Status::MethodNotAllowed { "Allow: GET, HEAD\r\n" } else { "" };
     format!(

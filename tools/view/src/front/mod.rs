@@ -35,7 +35,7 @@ pub(crate) enum FrontError {
     Refused { port: u16, reason: io::Error },
 }
 
-/// Digest of the page, stored in screenshots by `--headless-check`.
+/// Returns the digest of the page, stored in screenshots by `--headless-check`.
 ///
 /// ```
 /// assert_eq!(motorium_view::page_digest().len(), 16);
@@ -160,7 +160,8 @@ async fn answer_of(upstream: &mut TcpStream) -> io::Result<Vec<u8>> {
     Ok(answer)
 }
 
-/// A text of at most 65535 bytes as a WebSocket frame of a client (RFC 6455, section 5.2), masked with zeros.
+/// Returns a text of at most 65535 bytes as a WebSocket frame of a client (RFC 6455, section 5.2), masked
+/// with zeros.
 fn frame(text: &str) -> Vec<u8> {
     let mut frame = vec![0x81];
     match u8::try_from(text.len()) {

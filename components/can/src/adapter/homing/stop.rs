@@ -52,7 +52,7 @@ pub(in crate::adapter) struct Stop {
     pub(in crate::adapter) position: f64,
     back_off: f64,
     stage: Stage,
-    /// The drive follows commands.
+    /// `true` if the drive follows commands.
     pub(in crate::adapter) is_enabled: bool,
     window_ns: u64,
     from: Option<f64>,
@@ -109,8 +109,8 @@ impl Stop {
         }
     }
 
-    /// Velocity to command to a joint with this measured velocity, and the velocity gain; together they never
-    /// exceed the allowed effort.
+    /// Returns the velocity to command to a joint with this measured velocity, and the velocity gain;
+    /// together they never exceed the allowed effort.
     pub(in crate::adapter) fn command(&self, measured: f64) -> (f64, f64) {
         let most = self.velocity.abs();
         let share = if matches!(self.stage, Stage::Ease(_)) { EASED } else { 1.0 };

@@ -12,7 +12,7 @@ impl Link {
         self.homing.as_ref().is_none_or(|homing| homing.state == HomingState::Homed)
     }
 
-    /// Progress of the homing; `None` if the joint needs none.
+    /// Returns the progress of the homing; `None` for a joint without homing.
     pub fn homing(&self) -> Option<HomingState> {
         self.homing.as_ref().map(|homing| homing.state)
     }
@@ -53,7 +53,7 @@ impl Link {
         }
     }
 
-    /// Order of a homing cycle.
+    /// Returns the order of a homing cycle.
     pub(in crate::adapter) fn homing_order(&self) -> Order {
         match self.homing.as_ref().map(|homing| &homing.stop) {
             Some(Some(stop)) if stop.is_enabled => {

@@ -55,7 +55,8 @@ pub enum Offer {
 }
 
 impl Offer {
-    /// Offers a bus with these bitrates. A line of serial servos carries unmodified packets.
+    /// Offers a bus with these bitrates at `place`. `is_fd` enables CAN FD frames. With `is_servo_line`, a
+    /// pseudo-terminal carries unmodified servo packets.
     ///
     /// # Errors
     /// Returns an error if the address is in use, or if the kernel refuses.
@@ -68,8 +69,8 @@ impl Offer {
         })
     }
 
-    /// Fills `frames` with frames sent by the programs, each with its send time, and returns their number.
-    /// Further frames stay queued in the kernel's buffer.
+    /// Fills `frames` with frames sent by the programs on the bus, each with its send time, and returns their
+    /// number. Further frames stay queued in the kernel's buffer.
     pub fn receive(&mut self, frames: &mut [Received]) -> usize {
         match self {
             Self::Socket(offer) => offer.receive(frames),
@@ -85,8 +86,8 @@ impl Offer {
         }
     }
 
-    /// Queues a report of the programs' controller, with the number of frames that did not fit into its
-    /// queue.
+    /// Queues a report of the simulated controller for the programs, with the number of frames that did not
+    /// fit into its queue.
     pub fn report(&mut self, report: &Report, unsent: u8) {
         match self {
             Self::Socket(offer) => offer.report(report, unsent),
@@ -94,7 +95,8 @@ impl Offer {
         }
     }
 
-    /// Takes the interface down or brings it up. A terminal is unplugged or plugged in.
+    /// Takes the interface down or brings it up. For a terminal, simulates unplugging or plugging in the
+    /// adapter.
     pub fn set_link_down(&mut self, is_down: bool) {
         match self {
             Self::Socket(offer) if is_down => offer.down(),

@@ -53,7 +53,7 @@ pub struct UnixOffer {
 }
 
 impl UnixOffer {
-    /// Offers a bus by this name.
+    /// Offers a bus under this name.
     ///
     /// # Errors
     /// Returns an error if another program already offers the bus, or if the kernel refuses.
@@ -219,7 +219,7 @@ fn connected(name: &str) -> Result<OwnedFd, OpenError> {
 }
 
 impl UnixBus {
-    /// Opens the bus that another program of this user offers by this name.
+    /// Opens the bus that another program of this user offers under this name.
     ///
     /// # Errors
     /// Returns an error if no program offers the bus, or if the kernel refuses.
@@ -237,17 +237,18 @@ impl UnixBus {
         })
     }
 
-    /// Name of the bus, as in a drive table.
+    /// Returns the name of the bus, as in a drive table.
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// Condition of the bus, from the reports of the simulated controller and the presence of the program.
+    /// Returns the condition of the bus, from the reports of the simulated controller and the presence of the
+    /// program.
     pub fn condition(&self) -> Condition {
         self.condition
     }
 
-    /// Counters of the bus.
+    /// Returns the counters of the bus.
     pub fn counts(&self) -> &SocketCounts {
         &self.counts
     }

@@ -10,7 +10,7 @@ use super::{SETTLE, answers, bitrate};
 use crate::bus::socket::OpenError;
 use crate::bus::terminal;
 
-/// Adapter on a serial line, which is a kernel interface until this value is dropped.
+/// Adapter on a serial line, attached as a kernel interface until this value is dropped.
 ///
 /// ```no_run
 /// use motorium_can::Attached;
@@ -65,15 +65,15 @@ impl Attached {
         Ok(Self { name: String::from_utf8_lossy(name).into_owned(), _line: line })
     }
 
-    /// Name of the interface, such as `can0`, or `slcan0` with older kernels.
+    /// Returns the name of the interface, such as `can0`, or `slcan0` with older kernels.
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// Brings the interface up.
+    /// Brings the interface up, which requires network administration privileges.
     ///
-    /// # Errors Returns an error if the kernel refuses, since the call requires network administration
-    /// privileges.
+    /// # Errors
+    /// Returns an error if the kernel refuses, for example without the privileges.
     pub fn bring_up(&self) -> io::Result<()> {
         let socket = std::net::UdpSocket::bind("0.0.0.0:0")?;
         // SAFETY: a request is a plain structure, valid when zeroed; its name is shorter than its buffer and

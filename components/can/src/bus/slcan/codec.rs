@@ -84,7 +84,7 @@ fn number(digits: &[u8]) -> Option<u32> {
 pub struct Reader {
     line: [u8; LONGEST],
     length: usize,
-    /// The line exceeds the maximum length and is dropped up to its end.
+    /// `true` if the line exceeds the maximum length and is dropped up to its end.
     is_too_long: bool,
 }
 

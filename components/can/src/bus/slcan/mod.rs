@@ -49,13 +49,13 @@ const BATCH: usize = 32;
 /// Time to wait for an adapter to refuse an unknown command.
 const SETTLE: Duration = Duration::from_millis(50);
 
-/// Command that sets a bitrate; `None` for an unsupported bitrate.
+/// Returns the command that sets a bitrate; `None` for an unsupported bitrate.
 fn bitrate(rate: u32) -> Option<String> {
     let digit = codec::BITRATES.iter().position(|known| *known == rate)?;
     Some(format!("S{digit}\r"))
 }
 
-/// Command that sets the data bitrate.
+/// Returns the command that sets the data bitrate.
 fn data_bitrate(rate: u32) -> Option<String> {
     matches!(rate, 2_000_000 | 5_000_000).then(|| format!("Y{}\r", rate / 1_000_000))
 }
@@ -100,8 +100,8 @@ fn answers(file: &mut File, within: Duration, count: usize) -> Vec<Line> {
     lines
 }
 
-/// Returns the version reported by an slcan adapter on a serial line. An adapter that only sends frames
-/// yields the text "it reports no version"; without any answer, the result is `None`.
+/// Returns the version reported by an slcan adapter on a serial line; `None` without any answer. For an
+/// adapter that only sends frames, the text is "it reports no version".
 ///
 /// # Errors
 /// Returns an error if the line does not exist or cannot be opened.
@@ -146,22 +146,22 @@ impl SlcanBus {
         })
     }
 
-    /// Path of the line.
+    /// Returns the path of the line.
     pub fn name(&self) -> &str {
         self.line.path()
     }
 
-    /// Condition of the bus, derived from the adapter's reports (if any) and its presence.
+    /// Returns the condition of the bus, derived from the adapter's reports (if any) and its presence.
     pub fn condition(&self) -> Condition {
         self.line.condition
     }
 
-    /// Transmit and receive error counters of the latest report.
+    /// Returns the transmit and receive error counters of the latest report.
     pub fn counters(&self) -> [u8; 2] {
         self.counters
     }
 
-    /// Counters of the bus.
+    /// Returns the counters of the bus.
     pub fn counts(&self) -> &SocketCounts {
         &self.line.counts
     }

@@ -110,7 +110,7 @@ impl Batch {
         usize::try_from(received).map_err(|_| io::Error::last_os_error())
     }
 
-    /// Received frame; `None` if its length is invalid.
+    /// Returns the received frame; `None` if its length is invalid.
     pub(super) fn arrival(&self, index: usize) -> Option<Arrival> {
         let length = self.headers[index].msg_len as usize;
         let is_fd = length == size_of::<canfd_frame>();

@@ -2,7 +2,7 @@
 
 use crate::bus::report::{ErrorState, Report};
 
-/// Condition of a bus, best first.
+/// Condition of a bus, ordered from best to worst.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Condition {
     /// Error-active: the bus sends and receives.
@@ -27,7 +27,7 @@ impl Condition {
         matches!(self, Self::Active | Self::Warning | Self::Passive)
     }
 
-    /// Name of the condition in results and tables.
+    /// Returns the name of the condition in results and tables.
     pub fn name(self) -> &'static str {
         match self {
             Self::Active => "active",
@@ -54,21 +54,22 @@ impl From<ErrorState> for Condition {
 /// Counters of events on a bus since it was opened.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SocketCounts {
-    /// Reports of the controller.
+    /// Number of reports of the controller.
     pub reports: u64,
-    /// Frames that no node acknowledged.
+    /// Number of frames that no node acknowledged.
     pub unacknowledged: u64,
-    /// Disturbed frames from any node.
+    /// Number of disturbed frames from any node.
     pub disturbed: u64,
     /// Number of bus-off events of the controller.
     pub bus_off: u64,
-    /// Batches with frames that were not accepted because the interface's queue was full.
+    /// Number of batches that were not accepted completely because the interface's queue was full.
     pub queue_full: u64,
     /// Number of times that the interface went down or disappeared.
     pub down: u64,
-    /// Received frames lost for lack of room in the socket or, according to its reports, in the controller.
+    /// Number of received frames lost to full buffers in the socket or, according to its reports, in the
+    /// controller.
     pub overflows: u64,
-    /// Remote requests and invalid frames.
+    /// Number of remote requests and invalid frames.
     pub other: u64,
 }
 

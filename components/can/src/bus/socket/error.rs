@@ -9,7 +9,7 @@ pub enum OpenError {
     #[error("this kernel has no CAN sockets: {0}")]
     NoCan(io::Error),
     /// The interface does not exist.
-    #[error("there is no CAN interface `{name}`: {}", there_is(.found))]
+    #[error("the CAN interface `{name}` does not exist: {}", there_is(.found))]
     Missing {
         /// Requested name.
         name: String,
@@ -33,9 +33,9 @@ pub enum OpenError {
         expected: u32,
     },
     /// The serial line does not exist.
-    #[error("there is no serial line `{0}`")]
+    #[error("the serial line `{0}` does not exist")]
     NoLine(String),
-    /// The interface is a serial line or terminal, which only one program can open.
+    /// The interface is a serial line or terminal, which cannot be shared between programs.
     #[error("`{0}` is a serial line, which only one program can use")]
     NotShared(String),
     /// No program offers a simulated bus by this name.
@@ -57,7 +57,7 @@ pub enum OpenError {
         /// Requested speed.
         speed: u32,
     },
-    /// The kernel, or the adapter on a serial line, refused.
+    /// The kernel or the adapter on the serial line refused.
     #[error("`{0}` cannot be opened: {1}")]
     Refused(String, io::Error),
 }
@@ -67,11 +67,11 @@ fn there_is(found: &[String]) -> String {
 }
 
 impl OpenError {
-    /// Advice on the next step.
+    /// Returns advice on the next step.
     pub fn advice(&self) -> String {
         match self {
             Self::NoCan(_) => {
-                "load it: `sudo modprobe can_raw`; a container needs the CAN of its host".into()
+                "load it: `sudo modprobe can_raw`; a container needs access to the CAN support of its host".into()
             }
             Self::Missing { name, .. } if name.starts_with("vcan") => format!(
                 "create it: `sudo modprobe vcan && sudo ip link add {name} type vcan && sudo ip link set {name} mtu 72 up`"

@@ -15,19 +15,19 @@ pub struct Interface {
     /// Kind of the device, if the kernel reports it: `can` for controllers, `vcan` for virtual buses, `slcan`
     /// for serial lines.
     pub kind: Option<String>,
-    /// The interface is up.
+    /// `true` if the interface is up.
     pub is_up: bool,
-    /// The interface supports CAN FD frames.
+    /// `true` if the interface supports CAN FD frames.
     pub is_fd: bool,
     /// Length of the send queue, frames.
     pub queue: u32,
-    /// Arbitration bitrate, bit/s; `None` for a virtual bus, or if none is set.
+    /// Arbitration bitrate, bit/s; `None` for a virtual bus, or if the bitrate is not set.
     pub bitrate: Option<u32>,
-    /// Data bitrate of CAN FD frames, bit/s.
+    /// Data bitrate of CAN FD frames, bit/s; `None` if it is not set.
     pub data_bitrate: Option<u32>,
-    /// State of the controller, if there is one.
+    /// State of the controller; `None` without a controller.
     pub state: Option<ErrorState>,
-    /// Time after which a bus-off controller restarts automatically, ms; 0 for never.
+    /// Time after which a bus-off controller restarts automatically, ms; 0 for never, `None` if not reported.
     pub restart_ms: Option<u32>,
     /// Transmit and receive error counters, if the driver reports them.
     pub counters: Option<[u16; 2]>,
@@ -99,7 +99,7 @@ const RESTART_MS: u16 = 6;
 const COUNTERS: u16 = 8;
 const DATA_BIT_TIMING: u16 = 9;
 
-/// Request for all links.
+/// Returns the request for all links.
 fn request() -> [u8; 32] {
     let mut request = [0; 32];
     request[0..4].copy_from_slice(&32_u32.to_ne_bytes());
@@ -135,7 +135,7 @@ fn read(mut messages: &[u8], found: &mut Vec<Interface>) -> io::Result<bool> {
     Ok(false)
 }
 
-/// Attributes of a message, or attributes nested in another one.
+/// Returns the attributes of a message, or attributes nested in another one.
 fn attributes(mut bytes: &[u8]) -> impl Iterator<Item = (u16, &[u8])> {
     core::iter::from_fn(move || {
         let (length, kind) = (usize::from(u16_at(bytes, 0)?), u16_at(bytes, 2)?);
@@ -149,7 +149,7 @@ fn text(value: &[u8]) -> String {
     String::from_utf8_lossy(value.split(|byte| *byte == 0).next().unwrap_or(&[])).into_owned()
 }
 
-/// Description of a link, if it is a CAN interface.
+/// Returns a description of a link, if it is a CAN interface.
 fn link(body: &[u8]) -> Option<Interface> {
     if u16_at(body, 2)? != CAN_DEVICE {
         return None;

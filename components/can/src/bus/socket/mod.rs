@@ -139,22 +139,22 @@ impl SocketBus {
         self.socket.set_filters(&self.filters)
     }
 
-    /// Name of the interface.
+    /// Returns the name of the interface.
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// Condition of the bus.
+    /// Returns the condition of the bus.
     pub fn condition(&self) -> Condition {
         self.condition
     }
 
-    /// Transmit and receive error counters of the latest report.
+    /// Returns the transmit and receive error counters of the latest report.
     pub fn counters(&self) -> [u8; 2] {
         self.counters
     }
 
-    /// Counters of the bus.
+    /// Returns the counters of the bus.
     pub fn counts(&self) -> &SocketCounts {
         &self.counts
     }

@@ -34,7 +34,7 @@ pub(super) fn of_report(report: &Report) -> canfd_frame {
     empty(classes & CAN_ERR_MASK | CAN_ERR_FLAG, 8, 0, data)
 }
 
-/// Zeroed frame, including the reserved fields.
+/// Returns a zeroed frame, including the reserved fields.
 #[allow(unsafe_code)] // the reserved fields have no names, and the structure has no default
 fn zero_frame() -> canfd_frame {
     // SAFETY: a plain structure of numbers, for which zero is a valid value.

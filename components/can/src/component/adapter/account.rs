@@ -21,7 +21,7 @@ pub(super) struct BusAccount {
     opened_ns: u64,
     /// Peak load of a cycle or, on a real bus, of a window.
     pub(super) peak: f64,
-    /// The bus is a real interface of the computer.
+    /// `true` if the bus is a real interface of the computer.
     is_real: bool,
     pub(super) condition: Condition,
     /// Worst condition of the run.

@@ -74,7 +74,7 @@ pub enum WhenTripped {
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CanAdapterConfig {
-    /// The drive table: a TOML file, relative to the graph file. Instead of `bus` and `drive`.
+    /// Drive table: a TOML file, relative to the graph file. Replaces `bus` and `drive`.
     #[schemars(extend("format" = "path"))]
     pub drives: Option<String>,
     /// The buses, if there is no drive table file.
@@ -156,12 +156,12 @@ pub(super) fn check_observer(config: &CanAdapterConfig, equipped: &Equipped) -> 
             .advise("leave `homing` out, and write the `offset` of its zero, or let the adapter enable it"));
     }
     if config.command_within.is_some() {
-        return Err(ConfigError::key("command_within", "with `observe` there are no commands to wait for")
+        return Err(ConfigError::key("command_within", "with `observe`, there are no commands to wait for")
             .advise("leave it out"));
     }
     if config.leave_enabled {
         return Err(
-            ConfigError::key("leave_enabled", "with `observe` no drive is enabled").advise("leave it out")
+            ConfigError::key("leave_enabled", "with `observe`, no drive is enabled").advise("leave it out")
         );
     }
     Ok(())

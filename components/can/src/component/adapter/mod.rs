@@ -44,8 +44,8 @@ pub struct CanAdapter {
     order: StepOrder,
     resumes: u32,
     safe: u64,
-    /// Joints are being homed, or their positions are not known yet. The gate is reset once all positions are
-    /// known.
+    /// `true` if joints are being homed, or their positions are not known yet. The gate is reset once all
+    /// positions are known.
     awaits_homing: bool,
     leaves_enabled: bool,
     /// Every drive has confirmed at the end that it is off; `None` if no drive was disabled.

@@ -28,8 +28,8 @@ pub(super) struct StepOrder {
 }
 
 impl CanAdapterConfig {
-    /// Time available to answers on real buses in a cycle of this length, from sending the batch until they
-    /// are read; `None` if all buses are simulated over topics.
+    /// Returns the time available to answers on real buses in a cycle of this length, from sending the batch
+    /// until they are read; `None` if all buses are simulated over topics.
     pub fn answers_have(&self, table: &Table, cycle: Duration) -> Option<Duration> {
         let order = StepOrder::from_config(self, table, table.is_real(), Some(cycle)).ok()?;
         table.is_real().then(|| order.answers_have(cycle))
@@ -56,8 +56,8 @@ impl StepOrder {
                     "leave it out: simulated buses answer between two steps; real ones have an `interface`",
                 ),
                 true => (
-                    "with `command_within` the answers have until the next step",
-                    "leave one of both out: a step waits for the command, or for the answers",
+                    "with `command_within`, answers may arrive until the next step",
+                    "leave one of the two out: a step waits either for the command or for the answers",
                 ),
             };
             return Err(ConfigError::key("answer_within", message).advise(advice));
@@ -81,7 +81,7 @@ impl StepOrder {
             let advice = "leave time for the commands of the next period: write about half a period";
             return refuse(
                 "answer_within",
-                format!("answers within {within:?} of a period of {period:?}"),
+                format!("a wait of {within:?} for the answers, but the period is {period:?}"),
                 advice,
             );
         }
@@ -89,13 +89,14 @@ impl StepOrder {
             let advice = "leave time for the answers: set it to the time that policy and controller need, such as \"300 us\"";
             return refuse(
                 "command_within",
-                format!("a command within {within:?} of a period of {period:?}"),
+                format!("a wait of {within:?} for the command, but the period is {period:?}"),
                 advice,
             );
         }
         if self.waits() >= period {
-            let message = format!("a total wait of {:?} per step, of a period of {period:?}", self.waits());
-            return refuse("command_within", message, "shorten it, or `answer_within`");
+            let message =
+                format!("a total wait of {:?} per step, but the period is {period:?}", self.waits());
+            return refuse("command_within", message, "shorten `command_within` or `answer_within`");
         }
         Ok(())
     }
@@ -105,12 +106,13 @@ impl StepOrder {
         self.is_real && self.command_within.is_none()
     }
 
-    /// Maximum total wait of a step.
+    /// Returns the maximum total wait of a step.
     pub(super) fn waits(&self) -> Duration {
         self.answer_within.unwrap_or_default() + self.command_within.unwrap_or_default()
     }
 
-    /// Time available to answers in a cycle of this length, from sending the batch until they are read.
+    /// Returns the time available to answers in a cycle of this length, from sending the batch until they are
+    /// read.
     pub(super) fn answers_have(&self, cycle: Duration) -> Duration {
         match self.answer_within {
             Some(within) => within,
@@ -202,19 +204,19 @@ mod tests {
     fn impossible_or_meaningless_waits_are_refused() {
         let refused = |interface: &str, config: &str| order(interface, config).unwrap_err();
         for (interface, config, words) in [
-            (KERNEL, "answer_within = \"2 ms\"", "answers within 2ms of a period of 2ms"),
-            (KERNEL, "command_within = \"0 s\"", "a command within 0ns of a period of 2ms"),
-            (KERNEL, "command_within = \"2 ms\"", "a command within 2ms of a period of 2ms"),
+            (KERNEL, "answer_within = \"2 ms\"", "a wait of 2ms for the answers, but the period is 2ms"),
+            (KERNEL, "command_within = \"0 s\"", "a wait of 0ns for the command, but the period is 2ms"),
+            (KERNEL, "command_within = \"2 ms\"", "a wait of 2ms for the command, but the period is 2ms"),
             (
                 KERNEL,
                 "command_within = \"1 ms\"\nanswer_within = \"1 ms\"",
-                "the answers have until the next step",
+                "answers may arrive until the next step",
             ),
             ("", "answer_within = \"1 ms\"", "no bus has an interface"),
             (
                 "interface = \"/dev/ttyACM0\"",
                 "command_within = \"1 ms\"\nanswer_within = \"1500 us\"",
-                "a total wait of 2.5ms per step, of a period of 2ms",
+                "a total wait of 2.5ms per step, but the period is 2ms",
             ),
         ] {
             let found = refused(interface, config);

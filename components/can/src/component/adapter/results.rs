@@ -19,7 +19,7 @@ impl CanAdapter {
         ))
     }
 
-    /// Counters of buses and joints for the whole run.
+    /// Returns the counters of buses and joints for the whole run.
     pub(super) fn results(&self) -> serde_json::Value {
         let mut joints = serde_json::Map::new();
         for (name, link) in self.names.iter().zip(self.adapter.links()) {

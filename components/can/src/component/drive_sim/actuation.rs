@@ -26,7 +26,7 @@ pub(super) struct Effort {
     pub(super) damping: f64,
 }
 
-/// Actuators of the joints of a model; `None` for an ideal one.
+/// Returns the actuators of the joints of a model; `None` for an ideal one.
 pub(super) fn actuations(
     config: &DriveSimulationConfig,
     model: &Model,
@@ -58,8 +58,8 @@ impl Actuation {
         Ok(Self { actuator, delay: Delay::new(settings.delay, 0.0), command: None })
     }
 
-    /// State of the motor after a step of `h` \[s\]. `joint` is the state reported by physics, and `effort`
-    /// the effort that acted on the joint.
+    /// Returns the state of the motor after a step of `h` \[s\]. `joint` is the state reported by physics,
+    /// and `effort` the effort that acted on the joint.
     pub(super) fn motor(&mut self, joint: Motor, effort: f64, h: f64) -> Motor {
         self.actuator.begin(joint);
         if let Some(command) = self.command.take() {
@@ -68,8 +68,8 @@ impl Actuation {
         self.actuator.motor().unwrap_or(joint)
     }
 
-    /// Effort on the joint in the next step of `h` \[s\] for the drive's torque; an engaged brake damps the
-    /// motor.
+    /// Returns the effort on the joint in the next step of `h` \[s\] for the drive's torque; an engaged brake
+    /// damps the motor.
     pub(super) fn effort(&mut self, wanted: f64, brake: f64, joint: Motor, h: f64) -> Effort {
         let acting = self.delay.acting(wanted);
         self.delay.advance(wanted, h);

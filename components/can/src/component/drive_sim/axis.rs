@@ -15,9 +15,9 @@ pub(super) struct Axis {
     pub(super) node: usize,
     /// Index of the drive in the table.
     pub(super) entry: usize,
-    /// The drive was without power in the previous step.
+    /// `true` if the drive was without power in the previous step.
     pub(super) was_off: bool,
-    /// The drive's controller is bus-off, or its cable is unplugged.
+    /// `true` if the drive's controller is bus-off, or its cable is unplugged.
     pub(super) is_cut_off: bool,
 }
 

@@ -25,7 +25,7 @@ pub(super) struct Channel {
 }
 
 impl Channel {
-    /// Free space in the queue, frames.
+    /// Returns the free space in the queue, frames.
     pub(super) fn room(&self) -> usize {
         self.room.saturating_sub(self.bus.waiting(0))
     }

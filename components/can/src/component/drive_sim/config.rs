@@ -24,7 +24,7 @@ use crate::{BusEntry, DriveEntry};
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DriveSimulationConfig {
-    /// The drive table: the file that the adapter reads, too. Instead of `bus` and `drive`.
+    /// Drive table: the same file as for the adapter. Replaces `bus` and `drive`.
     #[schemars(extend("format" = "path"))]
     pub drives: Option<String>,
     /// The buses, if there is no drive table file.
@@ -40,7 +40,7 @@ pub struct DriveSimulationConfig {
     /// Time from the last bit of a command until its answer is queued in the drive. Default 50 us.
     #[serde(default = "delay")]
     pub delay: TimeSpan,
-    /// Largest random addition to `delay`. Default none.
+    /// Maximum random addition to `delay`. Default none.
     #[serde(default)]
     pub jitter: TimeSpan,
     /// Fraction of the answers that are lost, 0 to 1. Default 0.
@@ -67,11 +67,11 @@ pub struct DriveSimulationConfig {
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SettingConfig {
-    /// The joint of the drive.
+    /// Joint of the drive.
     pub joint: String,
-    /// Its watchdog; "0 s" for off.
+    /// Watchdog time of the drive; "0 s" for off.
     pub watchdog: Option<TimeSpan>,
-    /// The largest torque of its range, N m.
+    /// Largest torque of the drive's range, N m.
     pub torque: Option<f64>,
 }
 

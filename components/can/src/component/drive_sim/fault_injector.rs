@@ -90,7 +90,7 @@ impl Sender {
     }
 }
 
-/// Answer of another drive with the same number, at a different position.
+/// Returns the answer of another drive with the same number, at a different position.
 fn elsewhere(mut answer: Frame) -> Frame {
     if let Some(position) = answer.data_mut().get_mut(1) {
         *position ^= 0x20;
@@ -98,7 +98,7 @@ fn elsewhere(mut answer: Frame) -> Frame {
     answer
 }
 
-/// Pseudo-random number from 0 to 1 (splitmix64).
+/// Returns a pseudo-random number from 0 to 1 (splitmix64).
 fn uniform(state: &mut u64) -> f64 {
     *state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
     let mut z = *state;

@@ -37,8 +37,8 @@ use sockets::Sockets;
 /// Component that simulates a robot's buses and drives.
 ///
 /// Each step advances the buses to the current time and lets each drive receive frames and answer. It then
-/// runs the inner loops on the joint state that physics has just published, and publishes the efforts. Drives
-/// on an interface of the computer receive its frames and answer on it.
+/// runs the inner loops on the joint state that physics has just published, and publishes the efforts. If a
+/// bus has an interface of the computer, its drives receive and answer frames on this interface.
 pub struct DriveSimulation {
     joint_state: Input<JointState>,
     lines: Lines,
@@ -200,9 +200,9 @@ fn axes(
     for (index, set) in config.set.iter().enumerate() {
         let positive = set.torque.is_none_or(|torque| torque.is_finite() && torque > 0.0);
         if !names.contains(&set.joint) || !positive {
-            let message = format!("the drive of `{}`, with a torque of {:?}", set.joint, set.torque);
+            let message = format!("the drive of `{}` with a torque of {:?}", set.joint, set.torque);
             return Err(ConfigError::key(format!("set[{index}]"), message)
-                .advise("name a joint of the robot, and a torque that is positive"));
+                .advise("name a joint of the robot, and write a positive torque"));
         }
     }
     let actuations = actuations(config, &robot.model, folder)?;

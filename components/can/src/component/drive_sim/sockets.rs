@@ -156,7 +156,7 @@ impl Sockets {
         lost
     }
 
-    /// Name and condition of each interface.
+    /// Returns the name and condition of each interface.
     pub(super) fn conditions(&self) -> impl Iterator<Item = (&str, Condition)> {
         self.lines.iter().map(|line| (line.bus.name(), line.bus.condition()))
     }

@@ -110,12 +110,12 @@ impl<'a> Weights<'a> {
         self.joint().kind == JointKind::Prismatic
     }
 
-    /// Unit of the joint's effort: N m or N.
+    /// Returns the unit of the joint's effort: N m or N.
     pub(super) fn unit(&self) -> &'static str {
         if self.is_prismatic() { "N" } else { "N m" }
     }
 
-    /// Effort that holds the joint at its stop, positive towards the stop.
+    /// Returns the effort that holds the joint at its stop, positive towards the stop.
     pub(super) fn at_stop(&mut self, others: Others) -> Bounds {
         let stop = Some(self.stop);
         Bounds {
@@ -124,22 +124,22 @@ impl<'a> Weights<'a> {
         }
     }
 
-    /// Largest effort that holds the joint anywhere within its limits, positive towards the stop.
+    /// Returns the largest effort that holds the joint anywhere within its limits, positive towards the stop.
     pub(super) fn on_the_way(&mut self, others: Others) -> f64 {
         self.largest(Of::Weight, others, None, Self::against)
     }
 
-    /// Largest effort with which the weight pulls the joint towards its stop.
+    /// Returns the largest effort with which the weight pulls the joint towards its stop.
     pub(super) fn helping(&mut self) -> f64 {
         self.largest(Of::Weight, Others::Anywhere, None, |weights, q| -weights.against(q))
     }
 
-    /// Largest inertia at the stop, kg m2 or kg.
+    /// Returns the largest inertia at the stop, kg m2 or kg.
     pub(super) fn inertia_at_stop(&mut self) -> f64 {
         self.largest(Of::Inertia, Others::Anywhere, Some(self.stop), Self::inertia)
     }
 
-    /// Effort that holds the joint at these positions, positive towards the stop.
+    /// Returns the effort that holds the joint at these positions, positive towards the stop.
     fn against(&mut self, joints: &[f64]) -> f64 {
         let Self { model, dynamics, gravity, joint, sign, q, efforts, .. } = self;
         let spring = model.joint(*joint).dynamics;
@@ -156,7 +156,7 @@ impl<'a> Weights<'a> {
         (weight - pull) * *sign
     }
 
-    /// Inertia at the stop with the other joints fixed, rotors included, kg m2 or kg.
+    /// Returns the inertia at the stop with the other joints fixed, rotors included, kg m2 or kg.
     fn inertia(&mut self, joints: &[f64]) -> f64 {
         let Self { model, dynamics, joint, q, mass, .. } = self;
         let first = q.len() - joints.len();
@@ -199,7 +199,7 @@ impl<'a> Weights<'a> {
         search::largest(starts, &axes, |at| value(self, at))
     }
 
-    /// Shape of the weight or inertia over the position of a joint.
+    /// Returns the shape of the weight or inertia over the position of a joint.
     fn shape(&self, of: Of, joint: usize) -> Shape {
         let follow = self.model.bodies().iter().filter(|body| body.joint.coordinate.index() == joint).count();
         let has_spring = joint == self.joint && self.joint().dynamics.stiffness != 0.0;
@@ -218,8 +218,8 @@ enum Of {
     Inertia,
 }
 
-/// Joints that a joint carries, including itself. With `above`, also includes the joints between the base and
-/// the carried bodies.
+/// Returns the joints that a joint carries, including itself. With `above`, also includes the joints between
+/// the base and the carried bodies.
 fn related(model: &Model, joint: usize, above: bool) -> Vec<usize> {
     let bodies = model.bodies();
     // parents precede children

@@ -49,13 +49,13 @@ pub(crate) fn complete(
     for (needed, is_written) in needed.chain([(Object::RATED_TORQUE, false), (object((0x6040, 0)), false)]) {
         let Some(entry) = sheet.entry(needed) else {
             return Err(at((
-                format!("it has no object {}, which the adapter needs", display_object(needed)),
+                format!("the drive has no object {}, which the adapter needs", display_object(needed)),
                 "such a drive cannot be commanded in a cyclic synchronous mode; look for newer firmware",
             )));
         };
         if is_written && !entry.is_writable() {
             let message = format!(
-                "line {}: {} \"{}\" cannot be written",
+                "line {}: {} \"{}\" is read-only",
                 entry.line(),
                 display_object(needed),
                 entry.name()
@@ -94,8 +94,9 @@ fn display_object(object: Object) -> String {
     format!("0x{:04X}:{:02X}", object.index, object.subindex)
 }
 
-/// Increments per turn of the output shaft (the feed constant 0x6092, or else the encoder 0x608F and the gear
-/// 0x6091), the rated torque (0x6076) and the rated current (0x6075).
+/// Fills in the increments per turn of the output shaft, the rated torque (0x6076) and the rated current
+/// (0x6075). The increments follow from the feed constant 0x6092, or else from the encoder 0x608F and the
+/// gear 0x6091.
 fn scales(drive: &mut DriveEntry, sheet: &Eds) {
     let ratio = |index| {
         let number = |subindex| sheet.value(index, subindex, drive.node).filter(|number| *number > 0);
@@ -110,7 +111,7 @@ fn scales(drive: &mut DriveEntry, sheet: &Eds) {
     drive.rated_torque = drive.rated_torque.or(torque.map(|torque| torque as f64 * 1e-3));
 }
 
-/// CiA 402 mode of the entry.
+/// Returns the CiA 402 mode of the entry.
 fn cyclic(drive: &DriveEntry) -> Mode {
     match drive.mode.unwrap_or_default() {
         ControlMode::Position => Mode::Position,
@@ -143,13 +144,13 @@ fn mode(drive: &DriveEntry, sheet: &Eds) -> Result<(), Refusal> {
     }
 }
 
-/// Process data of an entry whose mapping is read-only.
+/// Returns the process data of an entry whose mapping is read-only.
 pub(crate) fn fixed_mappings(drive: &DriveEntry) -> Vec<Mapping> {
     let is_fixed = |(number, _): &(u8, Mapping)| drive.fixed_mappings.contains(number);
     (0..).zip(Mapping::ALL).filter(is_fixed).map(|(_, mapping)| mapping).collect()
 }
 
-/// Indices of the process data with a read-only mapping, which must match the adapter's mapping.
+/// Returns the indices of the process data with a read-only mapping, which must match the adapter's mapping.
 fn fixed(drive: &DriveEntry, sheet: &Eds) -> Result<Vec<u8>, Refusal> {
     let (node, mode) = (Node::new(drive.node).unwrap_or(Node::FIRST), cyclic(drive));
     let mut fixed = Vec::new();
@@ -159,7 +160,7 @@ fn fixed(drive: &DriveEntry, sheet: &Eds) -> Result<Vec<u8>, Refusal> {
             let Service::Write(object, value) = mapping.step(node, mode, step) else { continue };
             let Some(entry) = sheet.entry(object) else {
                 let message =
-                    format!("it has no object {}, which the adapter writes", display_object(object));
+                    format!("the drive has no object {}, which the adapter writes", display_object(object));
                 return Err((message, "the drive has too few process data, or too few objects in them"));
             };
             if !object.is_mapping() || entry.is_writable() || value.number() == 0 {

@@ -7,11 +7,11 @@ use crate::protocols::entries::{DriveEntry, HomingBy};
 /// Objects of a CiA 402 homing, in units of the drive.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct HomingObjects {
-    /// 0x6098.
+    /// Homing method, object 0x6098.
     pub(crate) method: i8,
-    /// 0x6099:01 and 02, increments per second.
+    /// Velocities towards and at the mark, objects 0x6099:01 and 0x6099:02, increments per second.
     pub(crate) velocities: [u32; 2],
-    /// 0x609A, increments per second squared.
+    /// Acceleration, object 0x609A, increments per second squared.
     pub(crate) acceleration: u32,
 }
 
@@ -32,7 +32,7 @@ impl HomingObjects {
         })
     }
 
-    /// Written objects, with index, subindex and number.
+    /// Returns the written objects, with index, subindex and number.
     pub(crate) fn registers(&self) -> Vec<(u16, u8, i64)> {
         vec![
             (0x6098, 0, self.method.into()),

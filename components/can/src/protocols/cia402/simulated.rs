@@ -59,12 +59,12 @@ pub(crate) struct Cia402 {
     /// Watchdog that cannot be changed, ns.
     fixed_watchdog_ns: Option<u64>,
     watchdog: Watchdog,
-    /// A heartbeat of the adapter has arrived. From then on, the heartbeat is monitored.
+    /// `true` if a heartbeat of the adapter has arrived. From then on, the heartbeat is monitored.
     is_watching: bool,
     /// Setpoints waiting for the next synchronisation, followed by the active setpoints.
     waiting: Option<Setpoint>,
     setpoint: Setpoint,
-    /// The boot-up message has yet to be sent.
+    /// `true` if the boot-up message has yet to be sent.
     boots: bool,
     /// Time of its next heartbeat, ns; `None` before one is due.
     next_heartbeat_ns: Option<u64>,
@@ -166,7 +166,7 @@ impl Cia402 {
         self.node.service_answer(service, result)
     }
 
-    /// Objects of every CANopen device and CiA 402 drive, in addition to the writable ones.
+    /// Returns the value of a read-only object that every CANopen device and CiA 402 drive has.
     fn identity(&self, object: Object) -> Option<Value> {
         Some(match (object.index, object.subindex) {
             (0x1000, 0) => Value::long(0x0002_0192),
@@ -390,7 +390,7 @@ enum Homing {
 }
 
 impl Homing {
-    /// Homing bits of the statusword.
+    /// Returns the homing bits of the statusword.
     fn statusword(self) -> u16 {
         match self {
             Self::None | Self::Running(_) => 0,
@@ -400,7 +400,7 @@ impl Homing {
     }
 }
 
-/// State after a controlword.
+/// Returns the state after a controlword.
 fn next(state: DriveState, controlword: u16, resets: bool) -> DriveState {
     use DriveState::{Enabled, Fault, ReadyToSwitchOn, SwitchOnDisabled, SwitchedOn};
     match (state, controlword & 0xf) {
@@ -416,7 +416,7 @@ fn next(state: DriveState, controlword: u16, resets: bool) -> DriveState {
     }
 }
 
-/// Statusword of a state, with voltage enabled.
+/// Returns the statusword of a state, with voltage enabled.
 fn statusword(state: DriveState) -> u16 {
     match state {
         DriveState::NotReady => 0x0000,

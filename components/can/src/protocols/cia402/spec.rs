@@ -41,7 +41,7 @@ pub(crate) static CIA402: Cia402 = Cia402 {
         current_limit: CurrentLimit::Settable {
             keys: &[(
                 "rated_current",
-                "write object 0x6075 in A, or an `eds` that has it: 0x6073 is in thousandths of it",
+                "write object 0x6075 in A, or an `eds` that has it: 0x6073 is in thousandths of the rated current",
             )],
         },
         gains: Gains::InTorqueMode,
@@ -55,7 +55,7 @@ pub(crate) static CIA402: Cia402 = Cia402 {
 };
 
 impl Cia402 {
-    /// Dialogue with a drive.
+    /// Returns the dialogue with a drive.
     pub(crate) fn dialogue(&self, setup: &DriveSetup<'_>) -> Cia402Dialogue {
         Cia402Dialogue::new(setup)
     }
@@ -71,7 +71,10 @@ impl DriveProtocol for Cia402 {
         if positive(entry.increments) && positive(entry.rated_torque) {
             return Ok(());
         }
-        let message = format!("increments {:?}, rated torque {:?}", entry.increments, entry.rated_torque);
+        let message = format!(
+            "the increments are {:?} and the rated torque is {:?}, expected positive numbers",
+            entry.increments, entry.rated_torque
+        );
         let advice = "write `increments` per turn of the output shaft, and `rated_torque`, object 0x6076 in N m, or an `eds` that has them";
         Err((message, advice))
     }
@@ -92,8 +95,8 @@ impl DriveProtocol for Cia402 {
     fn check_current(&self, entry: &DriveEntry, limit: f64) -> Result<(), Refusal> {
         match entry.rated_current {
             Some(rated) if limit / rated > 65.535 => Err((
-                format!("a current of {limit} A, which is more than 65 times the rated {rated} A"),
-                "write it in A",
+                format!("the current limit is {limit} A, more than 65 times the rated current of {rated} A"),
+                "write the limit in A",
             )),
             _ => Ok(()),
         }

@@ -93,22 +93,22 @@ const ENERGY: f64 = 0.1;
 const BACK_OFF: f64 = 0.05;
 
 impl HomingEntry {
-    /// Time after which the homing has failed.
+    /// Returns the time after which the homing has failed.
     pub fn timeout(&self) -> core::time::Duration {
         self.timeout.unwrap_or(TIMEOUT).into()
     }
 
-    /// Distance by which the joint moves away from its stop, rad or m.
+    /// Returns the distance by which the joint moves away from its stop, rad or m.
     pub fn back_off(&self) -> f64 {
         self.back_off.unwrap_or(BACK_OFF)
     }
 
-    /// Largest energy with which the joint may hit its stop, J.
+    /// Returns the largest energy with which the joint may hit its stop, J.
     pub fn energy(&self) -> f64 {
         self.energy.unwrap_or(ENERGY)
     }
 
-    /// Final joint position of a homing at a stop, rad or m; `None` for another homing.
+    /// Returns the final joint position of a homing at a stop, rad or m; `None` for another homing.
     pub fn end(&self) -> Option<f64> {
         Some(self.position? - self.velocity?.signum() * self.back_off())
     }

@@ -14,9 +14,9 @@ pub use homing::{HomingBy, HomingEntry, HomingProcedure};
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct BusEntry {
-    /// Its name.
+    /// Name of the bus.
     pub name: String,
-    /// Its kind: "can", or "serial" for a line of serial servos. Default "can".
+    /// Kind of the bus: "can", or "serial" for a line of serial servos. Default "can".
     #[serde(default)]
     pub kind: BusKind,
     /// The network interface of the computer, such as "can0" or "vcan0", or the serial line of an slcan
@@ -24,15 +24,15 @@ pub struct BusEntry {
     /// the bus in real time: "unix:NAME", a unix socket, or "pty:PATH", a pseudo-terminal with slcan or servo
     /// packets. Without an interface, the bus is simulated over topics.
     pub interface: Option<String>,
-    /// Bits per second of arbitration, and of whole classic frames; for a serial line, its speed.
+    /// Bitrate of arbitration and of whole classic frames, bit/s; for a serial line, its speed.
     pub bitrate: u32,
-    /// Bits per second of the data of CAN FD frames; without it the bus is a classic one.
+    /// Bitrate of the data of CAN FD frames, bit/s. Default: none, for a classic bus.
     pub data_bitrate: Option<u32>,
     /// All servos answer together in one packet (fast sync read), which saves most of their turnaround times.
     /// For Dynamixel servos whose firmware supports it, up to nine on a line. Default false.
     #[serde(default)]
     pub fast_read: bool,
-    /// Longest time from a command to the beginning of its answer. Default 100 us.
+    /// Maximum time from a command to the beginning of its answer. Default 100 us.
     #[serde(default = "turn_round")]
     pub turn_round: TimeSpan,
 }
@@ -56,17 +56,17 @@ pub enum BusKind {
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DriveEntry {
-    /// The joint that it moves.
+    /// Joint moved by the drive.
     pub joint: String,
-    /// Its bus.
+    /// Name of the bus of the drive.
     pub bus: String,
-    /// Its protocol.
+    /// Protocol of the drive.
     pub protocol: Protocol,
-    /// Its number on the bus.
+    /// Number of the drive on its bus.
     pub node: u8,
-    /// The identifier of its answers. Default: 0; for a Damiao drive, the node and 0x10. MIT family only.
+    /// Identifier of the drive's answers. Default: 0; for a Damiao drive, `node | 0x10`. MIT family only.
     pub master: Option<u16>,
-    /// The ranges of its fields; for protocols without ranges, the largest values that it reaches.
+    /// Ranges of the drive's fields; for protocols without ranges, the largest values that the drive reaches.
     pub ranges: RangeEntry,
     /// Time without a command after which the drive disables itself; "0 s" for never.
     pub watchdog: TimeSpan,
@@ -79,8 +79,8 @@ pub struct DriveEntry {
     /// Joint position at which the drive reads zero (rad or m). Default 0.
     #[serde(default)]
     pub offset: f64,
-    /// Whole turns of the output shaft added to the drive's reading, for a drive that is off by whole turns
-    /// after power-up. Default 0.
+    /// Whole turns of the output shaft added to the reading of a drive that is off by whole turns after
+    /// power-up. Default 0.
     #[serde(default)]
     pub turns: i32,
     /// The commanded quantity: "position", with the drive's own loop; "velocity", with the position loop in
@@ -120,8 +120,8 @@ pub struct DriveEntry {
     /// increments and rated torque, and the table is checked against its objects, modes, mappings and limits.
     /// CiA 402 only.
     pub eds: Option<String>,
-    /// The procedure that determines its position after power-up, before it is enabled. Default: the reported
-    /// position is absolute, or the drive is at its zero.
+    /// Procedure that determines the joint position after power-up, before the drive is enabled. Default: the
+    /// reported position is absolute, or the drive is at its zero.
     pub homing: Option<HomingEntry>,
     /// Numbers of the process data whose mapping is read-only according to the data sheet.
     #[serde(skip)]
@@ -193,7 +193,8 @@ pub struct RangeEntry {
 }
 
 impl DriveEntry {
-    /// Gains of the drive's own position loop: from its entry, or full torque at a twentieth of a radian.
+    /// Returns the gains of the drive's own position loop: from its entry, or full torque at a twentieth of a
+    /// radian.
     pub(crate) fn loop_gains(&self) -> LoopEntry {
         let torque = self.ranges.torque;
         self.position_loop.unwrap_or(LoopEntry { kp: 20.0 * torque, kd: 2.0 * torque })
@@ -201,7 +202,7 @@ impl DriveEntry {
 }
 
 impl RangeEntry {
-    /// Ranges of the fields.
+    /// Returns the ranges of the fields.
     pub(crate) fn ranges(&self) -> Ranges {
         let gains = (self.kp.unwrap_or(500.0), self.kd.unwrap_or(5.0));
         Ranges::new(self.position, self.velocity, self.torque).with_gains(gains.0, gains.1)

@@ -10,7 +10,7 @@ use crate::drive::{Command, Fault, Feedback, Ranges, State};
 use crate::frame::{DecodeError, Form, Frame, Id, exactly};
 use crate::range::{Fields, Range};
 
-/// Frame to a drive.
+/// Instruction to a drive, sent as one frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Instruction {
     /// Setpoints and gains.
@@ -26,11 +26,13 @@ pub enum Instruction {
 /// Format of a drive's answer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reply {
-    /// Six bytes: device, position, velocity, torque.
+    /// Six bytes: device ID, position, velocity, torque.
     MiniCheetah,
-    /// Eight bytes: as above, then an unused byte and the supply voltage, scaled to 40 V.
+    /// Eight bytes: the six bytes of [`MiniCheetah`](Self::MiniCheetah), an unused byte, and the supply
+    /// voltage, scaled to 40 V.
     MiniCheetahVoltage,
-    /// Eight bytes: as above, then temperature (signed, degrees Celsius) and error.
+    /// Eight bytes: the six bytes of [`MiniCheetah`](Self::MiniCheetah), the temperature (signed, degrees
+    /// Celsius), and the error code.
     CubeMars,
     /// Eight bytes: device and state in one byte, position, velocity, torque, temperatures of transistors and
     /// rotor.
@@ -40,7 +42,7 @@ pub enum Reply {
 }
 
 impl Reply {
-    /// Length of the answer, bytes.
+    /// Returns the length of the answer, bytes.
     pub fn length(self) -> usize {
         if self == Self::MiniCheetah { 6 } else { 8 }
     }
@@ -61,11 +63,11 @@ impl Reply {
 pub struct Drive {
     /// ID of the drive, which is the identifier of its commands.
     pub node: u8,
-    /// Identifier of its answers.
+    /// Identifier of the drive's answers.
     pub reply_id: Id,
-    /// Format of its answers.
+    /// Format of the drive's answers.
     pub reply: Reply,
-    /// Form of its frames on the wire.
+    /// Form of the drive's frames on the wire.
     pub form: Form,
     ranges: Ranges,
     fields: CommandFields,
@@ -77,24 +79,25 @@ const SET_ZERO: u8 = 0xfe;
 /// Supply voltage field; the largest byte represents 40 V.
 const VOLTAGE: Fields<1> = Range::from_zero(40.0).field(8);
 
-/// Data of the frame with this code.
+/// Returns the data of the frame with this code.
 const fn code(code: u8) -> [u8; 8] {
     [0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, code]
 }
 
 impl Drive {
-    /// Creates a drive with these ranges, and answers with this identifier and format.
+    /// Creates a codec for a drive with these ranges, whose answers have the identifier `reply_id` and the
+    /// format `reply`.
     pub const fn new(node: u8, reply_id: Id, reply: Reply, ranges: Ranges) -> Self {
         Self { node, reply_id, reply, form: Form::Classic, ranges, fields: ranges.fields() }
     }
 
-    /// Creates a drive with the published firmware of the mini cheetah: ranges of [`Ranges::MINI_CHEETAH`],
-    /// answers of six bytes with identifier 0.
+    /// Creates a codec for a drive with the published firmware of the mini cheetah. Its ranges are
+    /// [`Ranges::MINI_CHEETAH`], and its answers have six bytes and the identifier 0.
     pub const fn mini_cheetah(node: u8) -> Self {
         Self::new(node, Id::Standard(0), Reply::MiniCheetah, Ranges::MINI_CHEETAH)
     }
 
-    /// Creates a Damiao drive with these ranges, whose answers have the identifier `master`.
+    /// Creates a codec for a Damiao drive with these ranges, whose answers have the identifier `master`.
     pub const fn damiao(node: u8, master: u16, ranges: Ranges) -> Self {
         Self::new(node, Id::Standard(master & 0x7ff), Reply::Damiao, ranges)
     }
@@ -105,23 +108,23 @@ impl Drive {
         Self { ranges, fields: ranges.fields(), ..self }
     }
 
-    /// Ranges of the fields.
+    /// Returns the ranges of the fields.
     pub const fn ranges(&self) -> &Ranges {
         &self.ranges
     }
 
-    /// Fields of its frames.
+    /// Returns the fields of the drive's frames.
     pub const fn fields(&self) -> &CommandFields {
         &self.fields
     }
 
-    /// Identifier of its commands.
+    /// Returns the identifier of commands to the drive.
     #[inline]
     pub fn id(&self) -> Id {
         Id::Standard(u16::from(self.node))
     }
 
-    /// Frame of a command. Values outside the ranges are clamped.
+    /// Returns the frame of a command. Values outside the ranges are clamped.
     // built in place: a returned frame is copied, and the copy stalls until all parts are stored
     #[inline(always)]
     pub fn command(&self, command: &Command) -> Frame {
@@ -132,7 +135,7 @@ impl Drive {
         self.frame(if is_code { code(ENABLE - 1) } else { packed.to_be_bytes() })
     }
 
-    /// Frame of an instruction.
+    /// Returns the frame of an instruction.
     pub fn instruct(&self, instruction: &Instruction) -> Frame {
         self.frame(code(match instruction {
             Instruction::Command(command) => return self.command(command),
@@ -165,7 +168,7 @@ impl Drive {
         Ok(Instruction::Command(self.fields.command(u64::from_be_bytes(*data))))
     }
 
-    /// Drive side: frame of an answer. Values without a field in its format are omitted.
+    /// Drive side: returns the frame of an answer. Values without a field in its format are omitted.
     pub fn answer(&self, feedback: &Feedback) -> Frame {
         let motion = self.fields.pack_motion(feedback.position, feedback.velocity, feedback.torque);
         let [_, _, _, p1, p0, v1, v_t, t0] = motion.to_be_bytes();
@@ -239,14 +242,14 @@ impl Drive {
 }
 
 impl Ranges {
-    /// Ranges of the published firmware for the mini cheetah's drives.
+    /// Ranges of the published firmware for mini cheetah drives.
     pub const MINI_CHEETAH: Self = Self::new(12.5, 65.0, 18.0);
     /// Ranges of the CubeMars AK80-64.
     pub const AK80_64: Self = Self::new(12.5, 8.0, 144.0);
     /// Ranges of the RobStride RS00.
     pub const RS00: Self = Self::new(12.57, 33.0, 14.0);
 
-    /// Fields of a frame that represent these ranges.
+    /// Returns the fields of a frame that represent these ranges.
     pub const fn fields(&self) -> CommandFields {
         let ranges = [self.position, self.velocity, self.kp, self.kd, self.torque];
         CommandFields(Fields::new(ranges, [16, 12, 12, 12, 12]))
@@ -265,7 +268,8 @@ const fn twelve(packed: u64, from: u32) -> u16 {
 }
 
 impl CommandFields {
-    /// Command as the drive decodes it: each field clamped to its range and rounded to its resolution.
+    /// Returns the command as the drive decodes it: each field clamped to its range and rounded to its
+    /// resolution.
     ///
     /// ```
     /// use motorium_can::drive::{Command, Ranges};

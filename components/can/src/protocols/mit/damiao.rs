@@ -12,7 +12,7 @@ const WRITE: u8 = 0x55;
 /// Unit of the watchdog register, ns.
 const TIMEOUT_NS: u64 = 50_000;
 
-/// Register.
+/// Register of a Damiao drive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Register {
@@ -37,7 +37,7 @@ impl Register {
     /// Value of [`ControlMode`](Self::ControlMode) with which a drive follows MIT commands.
     pub const MIT_MODE: u32 = 1;
 
-    /// Name of the register.
+    /// Returns the name of the register.
     pub const fn name(self) -> &'static str {
         match self {
             Self::OverCurrent => "OverCurrent",
@@ -63,21 +63,21 @@ pub enum Value {
     Watchdog(Option<u64>),
     /// Control mode.
     Mode(u32),
-    /// Limit of a range, or a fraction.
+    /// Limit of a range (rad, rad/s or N m), or a fraction of the full current.
     Number(f64),
 }
 
-/// Request to a register.
+/// Read or write request for a register.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Request {
-    /// ID of the drive.
+    /// ID of the addressed drive.
     pub node: u8,
     /// Register.
     pub register: Register,
 }
 
 impl Request {
-    /// Frame that reads the register.
+    /// Returns the frame that reads the register.
     ///
     /// ```
     /// use motorium_can::damiao::{Register, Request};
@@ -89,7 +89,7 @@ impl Request {
         Frame::classic(EVERYBODY, &[self.node, 0, READ, self.register as u8, 0, 0, 0, 0])
     }
 
-    /// Frame that sets the register to this number until power-off.
+    /// Returns the frame that sets the register to `number`. The value is lost at power-off.
     ///
     /// ```
     /// use motorium_can::damiao::{Register, Request};
@@ -119,7 +119,7 @@ impl Request {
         Ok((Self { node, register: Register::OverCurrent }, number))
     }
 
-    /// Drive side: answer to a write request, which repeats it.
+    /// Drive side: returns the answer to a write request, which repeats it.
     pub fn changed(&self, master: Id, number: f64) -> Frame {
         Frame::classic(master, self.change(number).data())
     }
@@ -140,7 +140,7 @@ impl Request {
         Ok(Self { node, register: Register::from_code(register)? })
     }
 
-    /// Drive side: answer with the identifier `master`.
+    /// Drive side: returns the answer with the identifier `master`.
     pub fn answer(&self, master: Id, value: Value) -> Frame {
         let bytes = match value {
             Value::Watchdog(time) => {
@@ -172,7 +172,8 @@ impl Request {
 
     /// Decodes the number that the drive confirms after a write.
     ///
-    /// # Errors Returns an error in the same cases as [`value`](Self::value).
+    /// # Errors
+    /// Returns an error in the same cases as [`value`](Self::value).
     pub fn changed_value(&self, frame: &Frame, master: Id) -> Result<Value, DecodeError> {
         self.value_of(WRITE, frame, master)
     }

@@ -9,7 +9,7 @@ use crate::protocols::simulation::{Motor, Simulated};
 /// Default fraction of its full current at which a drive disables itself.
 const OVER_CURRENT: f64 = 0.95;
 
-/// MIT drive as seen from the bus and from its shaft.
+/// Simulated MIT drive, with its bus and shaft.
 ///
 /// Like the published firmware, it answers each command with its state at the arrival of the command. Its
 /// inner loop computes
@@ -18,7 +18,8 @@ const OVER_CURRENT: f64 = 0.95;
 /// tau = clamp(kp (position - q) + kd (velocity - v) + torque, -limit, limit)
 /// ```
 ///
-/// with `limit` as the end of its torque range. Without a command for its watchdog time, it disables itself.
+/// where `limit` is the end of the drive's torque range. If no command arrives within the watchdog time, the
+/// drive disables itself.
 ///
 /// ```
 /// use motorium_can::SimulatedDrive;
@@ -51,7 +52,7 @@ pub struct SimulatedDrive {
 }
 
 impl SimulatedDrive {
-    /// Creates a disabled drive at rest, with this watchdog \[ns\].
+    /// Creates a disabled drive at rest. `watchdog_ns` is its watchdog time; `None` for no watchdog.
     pub fn new(codec: Drive, watchdog_ns: Option<u64>) -> Self {
         Self {
             codec,
@@ -67,7 +68,8 @@ impl SimulatedDrive {
         }
     }
 
-    /// Sets the torque \[N m\] of the drive at full current. It disables itself at a fraction of this torque.
+    /// Sets the torque \[N m\] of the drive at full current. The drive disables itself at a fraction of this
+    /// torque.
     #[must_use]
     pub fn with_full_torque(self, torque: f64) -> Self {
         Self { full_torque: Some(torque), ..self }
@@ -79,7 +81,7 @@ impl SimulatedDrive {
         Self { control_mode, ..self }
     }
 
-    /// Codec of the drive, with the ranges configured in it.
+    /// Returns the codec of the drive, with the ranges configured in it.
     pub fn codec(&self) -> &Drive {
         &self.codec
     }
@@ -89,12 +91,12 @@ impl SimulatedDrive {
         self.state == State::Enabled
     }
 
-    /// Number of watchdog trips.
+    /// Returns the number of watchdog trips.
     pub fn watchdog_trips(&self) -> u64 {
         self.watchdog_trips
     }
 
-    /// Temperature, degrees Celsius.
+    /// Returns the temperature, degrees Celsius.
     pub fn temperature(&self) -> f64 {
         self.motor.temperature
     }

@@ -42,7 +42,7 @@ pub(crate) static DAMIAO: Mit = Mit {
                 TORQUE_CONSTANT,
                 (
                     "full_current",
-                    "write the largest current of the drive by its data sheet, A: register 3 is a share of it",
+                    "write the drive's largest current from its data sheet, A: register 3 is a fraction of it",
                 ),
             ],
         },
@@ -73,7 +73,7 @@ impl Mit {
         Self { spec: Self::SPEC, reply }
     }
 
-    /// Codec of a drive.
+    /// Returns the codec of a drive.
     pub(crate) fn codec(&self, setup: &DriveSetup<'_>) -> Drive {
         let entry = setup.entry;
         let usual = if self.reply == Reply::Damiao { 0x10 | u16::from(entry.node) } else { 0 };
@@ -84,7 +84,7 @@ impl Mit {
         drive
     }
 
-    /// Dialogue with a drive.
+    /// Returns the dialogue with a drive.
     pub(crate) fn dialogue(&self, setup: &DriveSetup<'_>) -> MitDialogue {
         let entry = setup.entry;
         let share = entry.current_limit.filter(|_| self.reply == Reply::Damiao);
@@ -110,8 +110,8 @@ impl DriveProtocol for Mit {
     fn check_current(&self, entry: &DriveEntry, limit: f64) -> Result<(), Refusal> {
         if entry.full_current.is_some_and(|full| limit / full >= 1.0) {
             return Err((
-                format!("a current of {limit} A, which the drive does not reach"),
-                "write less than `full_current`: register 3 is a share below 1",
+                format!("the current limit of {limit} A is not below `full_current`"),
+                "write less than `full_current`: register 3 is a fraction below 1",
             ));
         }
         Ok(())
@@ -119,7 +119,7 @@ impl DriveProtocol for Mit {
 
     fn check_homing(&self, entry: &DriveEntry, _homing: &HomingEntry) -> Result<(), Refusal> {
         Err((
-            format!("a homing by the drive, which {:?} does not have", entry.protocol),
+            format!("a homing by the drive is not supported by {:?}", entry.protocol),
             "write `by = \"stop\"`; its command \"set zero\" is not used, because many of these drives store the zero permanently",
         ))
     }

@@ -126,7 +126,7 @@ impl Dialogue for Moteus {
     }
 }
 
-/// Fault for a moteus code.
+/// Returns the fault for a moteus code.
 fn fault(code: u8) -> Fault {
     match code {
         34 => Fault::OverVoltage,

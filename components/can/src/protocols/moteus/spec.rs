@@ -36,7 +36,7 @@ pub(crate) static MOTEUS: Moteus = Moteus {
             advice: "write whole milliseconds, up to 32767, the unit of its commands",
         },
         current_limit: CurrentLimit::Unsupported {
-            advice: "leave it out: moteus gets `ranges.torque` with each command",
+            advice: "leave it out: each command to a moteus contains `ranges.torque` as a limit",
         },
         gains: Gains::Commanded,
         has_velocity_mode: false,
@@ -49,7 +49,7 @@ pub(crate) static MOTEUS: Moteus = Moteus {
 const MOST: [f64; 3] = [3.2767 * TAU, 8.19175 * TAU, 327.67];
 
 impl Moteus {
-    /// Dialogue with a drive.
+    /// Returns the dialogue with a drive.
     pub(crate) fn dialogue(&self, setup: &DriveSetup<'_>) -> MoteusDialogue {
         MoteusDialogue::new(setup)
     }
@@ -63,23 +63,24 @@ impl DriveProtocol for Moteus {
     /// Refuses ranges beyond the registers, which would clamp larger values.
     fn check_frames(&self, entry: &DriveEntry, bus: &BusEntry) -> Result<(), Refusal> {
         if bus.data_bitrate.is_none() {
-            let message = format!("moteus on the classic bus `{}`", bus.name);
-            let advice = "its frames are CAN FD: give the bus a `data_bitrate`, usually 5_000_000";
+            let message = format!("moteus drives cannot be on the classic bus `{}`", bus.name);
+            let advice = "moteus requires CAN FD: give the bus a `data_bitrate`, usually 5_000_000";
             return Err((message, advice));
         }
         let ranges = [entry.ranges.position, entry.ranges.velocity, entry.ranges.torque];
         let names = [("position", "rad"), ("velocity", "rad/s"), ("torque", "N m")];
         let beyond = ranges.into_iter().zip(MOST).zip(names).find(|((value, most), _)| value > most);
         beyond.map_or(Ok(()), |((value, most), (name, unit))| {
-            let message =
-                format!("a {name} of {value} {unit}, but the registers of a moteus are limited to {most:.2}");
+            let message = format!(
+                "the {name} is {value} {unit}, but the registers of a moteus are limited to {most:.2}"
+            );
             Err((message, "reduce it; `ratio` is the ratio of the joint to the output of the drive"))
         })
     }
 
     fn check_homing(&self, _entry: &DriveEntry, _homing: &HomingEntry) -> Result<(), Refusal> {
         Err((
-            "a homing by the drive, which moteus does not have".into(),
+            "a homing by the drive is not supported by moteus".into(),
             "with an output encoder it needs none: leave `homing` out; otherwise write `by = \"stop\"`",
         ))
     }

@@ -81,13 +81,13 @@ pub enum ControlMode {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum InputMode {
-    /// Inactive: setpoints do not change.
+    /// Setpoints do not change.
     Inactive = 0,
-    /// Direct.
+    /// The input is the setpoint.
     Passthrough = 1,
-    /// With limited acceleration.
+    /// The setpoint follows the input with limited acceleration.
     VelocityRamp = 2,
-    /// With a second-order filter.
+    /// The setpoint follows the input through a second-order filter.
     PositionFilter = 3,
 }
 
@@ -134,12 +134,12 @@ pub enum Instruction {
 pub enum Report {
     /// Heartbeat.
     Heartbeat {
-        /// Error flags of the axis.
+        /// Error flags of the axis; 0 without an error.
         error: u32,
         /// State of the axis.
         state: AxisState,
-        /// Result of the last procedure, 0 for success and 1 for a running one; with firmware before 0.6, the
-        /// motor error flag.
+        /// Result of the last procedure: 0 for success, 1 while running. With firmware before 0.6, the motor
+        /// error flag.
         result: u8,
     },
     /// Encoder estimates of the motor.
@@ -163,14 +163,14 @@ pub enum Report {
         /// Motor.
         motor: f64,
     },
-    /// Motor currents, A: setpoint and measurement.
+    /// Setpoint and measurement of the motor current, A.
     Currents {
         /// Setpoint.
         target: f64,
         /// Measurement.
         measured: f64,
     },
-    /// Torques (newer firmware only), N m: setpoint and estimate.
+    /// Setpoint and estimate of the torque, N m. Newer firmware only.
     Torques {
         /// Setpoint.
         target: f64,
@@ -194,7 +194,7 @@ const SUPPLY: u16 = 0x17;
 const CLEAR_ERRORS: u16 = 0x18;
 const TORQUES: u16 = 0x1c;
 
-/// Drive by its node ID, 0 to 63.
+/// Node ID of a drive, 0 to 63.
 ///
 /// ```
 /// use motorium_can::odrive::{Instruction, Node};
@@ -212,17 +212,17 @@ impl Node {
     /// Drive with the lowest node ID.
     pub(crate) const FIRST: Self = Self(0);
 
-    /// Creates the drive with this node ID; `None` beyond 63.
+    /// Creates a node ID; `None` above 63.
     pub fn new(node: u8) -> Option<Self> {
         (node < 64).then_some(Self(node))
     }
 
-    /// Identifier of one of the drive's messages.
+    /// Returns the identifier of one of the drive's messages.
     pub(crate) fn id(self, command: u16) -> Id {
         Id::Standard(u16::from(self.0) << 5 | command)
     }
 
-    /// Frame of a message to the drive.
+    /// Returns the frame of a message to the drive.
     pub fn frame(self, instruction: &Instruction) -> Frame {
         let turns = |rad: f64| ((rad / TAU) as f32).to_le_bytes();
         let thousandths = |x: f64| ((x * 1e3).round_to_even().clamp(-32768.0, 32767.0) as i16).to_le_bytes();
@@ -251,8 +251,9 @@ impl Node {
 
     /// Drive side: decodes the message in a frame.
     ///
-    /// # Errors Returns an error if the frame is for another drive, is not a message to a drive, has another
-    /// length, or contains an invalid number.
+    /// # Errors
+    /// Returns an error if the frame is for another drive, is not a message to a drive, has another length,
+    /// or contains an invalid number.
     pub fn instruction(self, frame: &Frame) -> Result<Instruction, DecodeError> {
         let command = self.command(frame)?;
         let data = frame.data();
@@ -306,7 +307,7 @@ impl Node {
         })
     }
 
-    /// Drive side: frame of a report.
+    /// Drive side: returns the frame of a report.
     pub fn report_frame(self, report: &Report) -> Frame {
         let words = |a: [u8; 4], b: [u8; 4]| [a[0], a[1], a[2], a[3], b[0], b[1], b[2], b[3]];
         let floats = |a: f64, b: f64| words((a as f32).to_le_bytes(), (b as f32).to_le_bytes());
@@ -325,8 +326,9 @@ impl Node {
 
     /// Decodes a report of the drive.
     ///
-    /// # Errors Returns an error if the frame comes from another drive, is not a supported report, has
-    /// another length, or contains an invalid number.
+    /// # Errors
+    /// Returns an error if the frame comes from another drive, is not a supported report, has another length,
+    /// or contains an invalid number.
     pub fn report(self, frame: &Frame) -> Result<Report, DecodeError> {
         let command = self.command(frame)?;
         let (first, second) = halves(frame.data())?;
@@ -362,7 +364,7 @@ impl Node {
         })
     }
 
-    /// Command code in the identifier of a frame of this drive.
+    /// Returns the command code in the identifier of a frame of this drive.
     fn command(self, frame: &Frame) -> Result<u16, DecodeError> {
         match frame.id {
             Id::Standard(id) if id >> 5 == u16::from(self.0) => Ok(id & 0x1f),

@@ -93,8 +93,8 @@ impl Odrive {
         }
     }
 
-    /// Message of a homing cycle. The limits are sent throughout: repeating them feeds the watchdog and has
-    /// no other effect.
+    /// Returns the message of a homing cycle. The limits are sent throughout: repeating them feeds the
+    /// watchdog and has no other effect.
     fn home(&mut self) -> Instruction {
         let limits = Instruction::Limits {
             velocity: self.ranges.velocity.max,

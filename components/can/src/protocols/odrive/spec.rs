@@ -38,7 +38,7 @@ pub(crate) static ODRIVE: Odrive = Odrive {
 };
 
 impl Odrive {
-    /// Dialogue with a drive.
+    /// Returns the dialogue with a drive.
     pub(crate) fn dialogue(&self, setup: &DriveSetup<'_>) -> OdriveDialogue {
         OdriveDialogue::new(setup)
     }

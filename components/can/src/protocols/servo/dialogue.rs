@@ -29,7 +29,7 @@ pub(crate) struct Servo {
 }
 
 impl Servo {
-    /// `current_limit` is in units of the servo's register.
+    /// Creates a dialogue. `current_limit` is in units of the servo's register.
     pub(crate) fn new(setup: &DriveSetup<'_>, maker: Maker, current_limit: Option<u16>) -> Self {
         let entry = setup.entry;
         Self {
@@ -48,7 +48,8 @@ impl Servo {
         }
     }
 
-    /// Indices of the blocks to read among the manufacturer's registers: first the settings, then the state.
+    /// Returns the indices of the blocks to read among the manufacturer's registers: first the settings, then
+    /// the state.
     fn blocks(&self) -> impl Iterator<Item = usize> {
         let is_asked = |block: &usize| match self.maker.setting(*block) {
             Some(Setting::HomingOffset) => self.homing_offset.is_some(),
@@ -58,7 +59,7 @@ impl Servo {
         (0..self.maker.layout().read.len()).filter(is_asked)
     }
 
-    /// Watchdog time in units of its register.
+    /// Returns the watchdog time in units of its register.
     fn watchdog(&self) -> u8 {
         (self.watchdog_ns / dynamixel::WATCHDOG_UNIT_NS) as u8
     }

@@ -21,7 +21,7 @@ pub(crate) enum Setting {
 }
 
 impl Maker {
-    /// Registers of the manufacturer's servos.
+    /// Returns the registers of the manufacturer's servos.
     pub(crate) fn layout(self) -> &'static Layout {
         match self {
             Self::Feetech => &feetech::LAYOUT,
@@ -29,7 +29,7 @@ impl Maker {
         }
     }
 
-    /// Setting in the block with this index; `None` for the state.
+    /// Returns the setting in the block with this index; `None` for the state.
     pub(crate) fn setting(self, block: usize) -> Option<Setting> {
         let settings: &[Setting] = match self {
             Self::Feetech => &[Setting::Mode, Setting::Goals, Setting::HomingOffset, Setting::CurrentLimit],
@@ -44,7 +44,7 @@ impl Maker {
         settings.get(block).copied()
     }
 
-    /// Highest position: the last step of a turn.
+    /// Returns the highest position: the last step of a turn.
     pub(crate) fn highest(self) -> f64 {
         match self {
             Self::Feetech => feetech::position(feetech::TURN as u16 - 1),

@@ -105,7 +105,7 @@ impl Servo {
         u16::from_le_bytes([self.registers[register], self.registers[register + 1]])
     }
 
-    /// Largest torque within its limits, N m.
+    /// Returns the largest torque within its limits, N m.
     fn torque_limit(&self) -> f64 {
         let is_limited =
             self.registers[usize::from(dynamixel::OPERATING_MODE)] == dynamixel::POSITIONS_BY_CURRENT;
@@ -126,7 +126,7 @@ impl Servo {
         place.map(|place| place.copy_from_slice(bytes)).is_some()
     }
 
-    /// Register that switches torque on.
+    /// Returns the register that switches torque on.
     fn switch(&self) -> usize {
         if self.is_dynamixel() { dynamixel::TORQUE_ENABLE.into() } else { feetech::TORQUE_ENABLE.into() }
     }
@@ -275,7 +275,7 @@ impl Servo {
         self.registers.get(usize::from(register)..usize::from(register) + usize::from(count))
     }
 
-    /// Goal position, rad.
+    /// Returns the goal position, rad.
     fn goal(&self) -> f64 {
         if self.is_dynamixel() {
             let place = usize::from(dynamixel::GOAL_POSITION);

@@ -42,7 +42,7 @@ pub(crate) static FEETECH: Servo = Servo {
     spec: Spec {
         keys: &["position_loop", "full_current"],
         watchdog: Watchdog::Missing {
-            message: "a watchdog, which such a servo does not have",
+            message: "this servo has no watchdog",
             advice: "write `watchdog = \"0 s\"`, and `allow_no_watchdog = true` for the adapter: it holds its last goal",
         },
         current_limit: CurrentLimit::Settable {
@@ -81,14 +81,14 @@ pub(crate) static DYNAMIXEL: Servo = Servo {
 };
 
 impl Servo {
-    /// Dialogue with a servo.
+    /// Returns the dialogue with a servo.
     pub(crate) fn dialogue(&self, setup: &DriveSetup<'_>) -> ServoDialogue {
         let limit = self.current_register(setup.entry).map(|number| number as u16);
         ServoDialogue::new(setup, self.maker, limit)
     }
 
-    /// Current limit in units of its register, rounded down: thousandths of the stall current for a Feetech,
-    /// current units for a Dynamixel.
+    /// Returns the current limit in units of its register, rounded down: thousandths of the stall current for
+    /// a Feetech, current units for a Dynamixel.
     fn current_register(&self, entry: &DriveEntry) -> Option<f64> {
         let limit = entry.current_limit?;
         let units = match self.maker {
@@ -109,15 +109,18 @@ impl DriveProtocol for Servo {
         match self.maker {
             Maker::Feetech if register.is_some_and(|number| !(1.0..=1e3).contains(&number)) => Err((
                 format!(
-                    "a current of {limit} A, of a servo with {} A",
+                    "the current limit is {limit} A, but the servo has {} A",
                     entry.full_current.unwrap_or_default()
                 ),
-                "write a thousandth of `full_current` or more, and no more than it",
+                "write at least a thousandth of `full_current`, and at most `full_current`",
             )),
             Maker::Dynamixel if register.is_some_and(|number| !(1.0..=MOST_UNITS).contains(&number)) => {
                 Err((
-                    format!("a current of {limit} A, which is {} units", register.unwrap_or_default()),
-                    "write 1 to 2047 units of `current_unit`, and no more than register 38 of the servo",
+                    format!(
+                        "the current limit is {limit} A, which is {} units",
+                        register.unwrap_or_default()
+                    ),
+                    "write 1 to 2047 units of `current_unit`, and at most the value in register 38 of the servo",
                 ))
             }
             _ => Ok(()),
@@ -126,8 +129,8 @@ impl DriveProtocol for Servo {
 
     fn check_homing(&self, _entry: &DriveEntry, homing: &HomingEntry) -> Result<(), Refusal> {
         let (most, advice) = match self.maker {
-            Maker::Feetech => (2047, "of 11 bits and a sign: register 31"),
-            Maker::Dynamixel => (1_044_479, "of 255 turns: register 20"),
+            Maker::Feetech => (2047, "the homing offset in register 31 has 11 bits and a sign"),
+            Maker::Dynamixel => (1_044_479, "the homing offset in register 20 is limited to 255 turns"),
         };
         match homing.steps {
             Some(steps) if steps.unsigned_abs() > most => {

@@ -31,7 +31,7 @@ use crate::style;
 
 /// Fit a movement primitive to recordings of one movement: CSV, JSON, JSON lines or MCAP.
 ///
-/// Output of `motorium topic echo --json` is accepted. Reports the error of the reproduced movement.
+/// The output of `motorium topic echo --json` is accepted. Reports the error of the reproduced movement.
 ///
 /// Example: motorium primitive fit demonstration.jsonl --output reach.json --plot reach.svg
 #[derive(Debug, clap::Args)]
@@ -53,7 +53,8 @@ pub(super) struct Fit {
         value_name = "quintic-goal|final-velocity|classic|goal-safe"
     )]
     variant: Option<VariantArg>,
-    /// Kernels or basis functions (30), Gaussians of a kernelised primitive, or a degree (5)
+    /// Number of kernels or basis functions (30) or of Gaussians of a kernelised primitive, or polynomial
+    /// degree (5)
     #[arg(long, value_name = "N")]
     kernels: Option<usize>,
     /// Method of regression [default: ridge (of a distribution: by EM)]
@@ -73,7 +74,7 @@ pub(super) struct Fit {
     /// Number of evenly spaced samples per recording, or per period of a rhythm [default: 200]
     #[arg(long, value_name = "N", default_value_t = 200, hide_default_value = true, value_parser = clap::value_parser!(u32).range(4..=100_000))]
     samples: u32,
-    /// Periods in every recording of a rhythm [default: 1]
+    /// Number of periods in every recording of a rhythm [default: 1]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000))]
     periods: Option<u32>,
     /// Write the primitive to this file
@@ -339,12 +340,12 @@ fn gap(times: &[f64]) -> Option<(f64, f64)> {
     (interval(longest) > GAP * median).then(|| (times[longest] - times[0], times[longest + 1] - times[0]))
 }
 
-/// Half of the sample rate of a recording \[Hz\].
+/// Returns half of the sample rate of a recording \[Hz\].
 fn highest_frequency(times: &[f64]) -> Option<f64> {
     median_interval(times).map(|interval| 0.5 / interval)
 }
 
-/// The median time from one sample to the next \[s\].
+/// Returns the median time from one sample to the next \[s\].
 fn median_interval(times: &[f64]) -> Option<f64> {
     let mut intervals: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
     intervals.sort_by(f64::total_cmp);

@@ -109,7 +109,7 @@ impl Report {
     }
 }
 
-/// A count with its noun, such as `1 recording` and `2 recordings`.
+/// Returns a count with its noun, such as `1 recording` and `2 recordings`.
 fn counted(number: usize, thing: &str) -> String {
     format!("{number} {thing}{}", if number == 1 { "" } else { "s" })
 }

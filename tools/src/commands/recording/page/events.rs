@@ -16,7 +16,7 @@ const EVENTS: usize = 500;
 const MISSES: [EventKind; 4] =
     [EventKind::Missed, EventKind::LatencyMissed, EventKind::Refused, EventKind::LosesSteps];
 
-/// Late steps and refused commands: sums by cause over time, and each event.
+/// Returns the late steps and refused commands: sums by cause over time, and each event.
 pub(super) fn misses(analysis: &Analysis) -> String {
     let mut html = String::from("<h2>Misses</h2>\n");
     let missed = |event: &&EventLine| event.kind.is_some_and(|kind| MISSES.contains(&kind));
@@ -35,7 +35,7 @@ pub(super) fn misses(analysis: &Analysis) -> String {
     html
 }
 
-/// The number of misses of each kind until each time, as steps.
+/// Returns the number of misses of each kind until each time, as steps.
 fn sums(events: &[&EventLine], duration_s: f64) -> Chart {
     let mut kinds: BTreeMap<&str, Vec<[f64; 3]>> = BTreeMap::new();
     for event in events {
@@ -58,7 +58,7 @@ fn sums(events: &[&EventLine], duration_s: f64) -> Chart {
     }
 }
 
-/// All events, or the first of very many.
+/// Returns all events, or the first of very many.
 pub(super) fn section(analysis: &Analysis) -> String {
     let mut html = String::from("<h2>Events</h2>\n<table>\n");
     for event in analysis.events.iter().take(EVENTS) {

@@ -12,7 +12,8 @@ const COUNT: u64 = 5;
 /// Width and height of one of them, in dots.
 const SIZE: (f64, f64) = (280.0, 280.0);
 
-/// The strip, from the first sample to the last; empty for a recording without joint states of a robot.
+/// Returns the strip, from the first sample to the last; empty for a recording without joint states of a
+/// robot.
 pub(super) fn strip(recording: &Recording, plan: &Plan) -> anyhow::Result<String> {
     let (begin_ns, end_ns) = recording.times().unwrap_or_default();
     let times: Vec<u64> = (0..COUNT).map(|index| (end_ns - begin_ns) * index / (COUNT - 1)).collect();

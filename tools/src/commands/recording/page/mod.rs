@@ -25,8 +25,8 @@ use topics::is_timed;
 /// Write a page about a recording: the robots in motion, the score, the graph with measured values, latencies
 /// and misses over time, tracking, events.
 ///
-/// The page is one file and needs no network; it follows a dark theme and prints on white. Of an MCAP file of
-/// another program it lists the channels and draws their numbers.
+/// The page is one file and needs no network; it follows a dark theme and prints on white. For an MCAP file
+/// of another program, it lists the channels and draws their numbers.
 ///
 /// Example: motorium report out/a.mcap --output out/a.html
 #[derive(Debug, clap::Args)]
@@ -34,7 +34,7 @@ pub(crate) struct Report {
     /// The recording
     #[arg(value_name = "FILE.mcap")]
     file: PathBuf,
-    /// The page [default: FILE with `.html` in place of `.mcap`]
+    /// The page to write [default: FILE with `.html` in place of `.mcap`]
     #[arg(long, short, value_name = "FILE.html")]
     output: Option<PathBuf>,
     /// Replace the page if it exists
@@ -76,7 +76,7 @@ impl Report {
     }
 }
 
-/// The report of the run of this plan.
+/// Returns the report of the run of this plan.
 fn report_of_run(file: &Path, plan: &Plan) -> anyhow::Result<RunReport> {
     let report: RunReport = serde_json::from_slice(&input::bytes(file)?)
         .with_context(|| format!("{}: expected the output of `motorium run --json`", file.display()))?;
@@ -138,7 +138,7 @@ fn facts(recording: &Recording, analysis: &Analysis) -> String {
     ])
 }
 
-/// The measured values on the picture of the graph.
+/// Returns the measured values on the picture of the graph.
 fn measured(plan: &Plan, analysis: &Analysis) -> Measured {
     let of = |index: usize| analysis.topics.iter().find(|topic| topic.name == plan.topics[index].name);
     let latency = |topic: &TopicAnalysis| {

@@ -7,7 +7,7 @@ use motorium_bridges::recording::{JointsScore, PoseScore, Score};
 use crate::draw::escape;
 use crate::report::decimal;
 
-/// The goals of all frames that follow targets; nothing without any.
+/// Returns the goals of all frames that follow targets; nothing without any.
 pub(super) fn goals(score: &Score) -> String {
     if score.poses.is_empty() {
         return String::new();
@@ -21,7 +21,7 @@ pub(super) fn goals(score: &Score) -> String {
     html + "</table></div>\n"
 }
 
-/// The limits of all joints of each topic of joint states.
+/// Returns the limits of all joints of each topic of joint states.
 pub(super) fn limits(score: &Score) -> String {
     let mut html = String::new();
     score.joints.iter().for_each(|joints| margins(&mut html, joints));

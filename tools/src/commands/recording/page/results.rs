@@ -7,7 +7,7 @@ use motorium::launcher::Report;
 use crate::draw::escape;
 use crate::report::{causes, items, short_percentiles, warnings};
 
-/// The table of components, and the figures of each result.
+/// Returns the table of components, and the figures of each result.
 pub(super) fn section(report: &Report) -> String {
     let mut html = String::from(
         "<h2>Results</h2>\n<div class=wide><table>\n<tr><th>component</th><th class=n>steps</th><th class=n>Hz</th>\

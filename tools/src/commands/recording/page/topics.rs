@@ -11,7 +11,7 @@ use crate::report::microseconds;
 /// Bars of a histogram.
 const BARS: usize = 40;
 
-/// The table of topics, their latencies over time, and histograms.
+/// Returns the table of topics, their latencies over time, and histograms.
 pub(super) fn section(analysis: &Analysis) -> String {
     let mut html = String::new();
     html.push_str(
@@ -52,7 +52,7 @@ pub(super) fn section(analysis: &Analysis) -> String {
     html
 }
 
-/// The latencies of all topics over time, which show rare late samples; `None` in lockstep.
+/// Returns the latencies of all topics over time, which show rare late samples; `None` in lockstep.
 fn latencies(analysis: &Analysis) -> Option<Chart> {
     let timed = analysis.topics.iter().filter(|topic| is_timed(&topic.latency_ns));
     let series = timed.map(|topic| Series {
@@ -70,7 +70,7 @@ fn latencies(analysis: &Analysis) -> Option<Chart> {
     })
 }
 
-/// The histogram of rising times; `None` if all are equal, as they are in lockstep.
+/// Returns the histogram of rising times; `None` if all are equal, as they are in lockstep.
 fn histogram(title: &str, rising: &[u64]) -> Option<Chart> {
     let (first, last) = (*rising.first()?, *rising.last()?);
     if first == last {

@@ -9,7 +9,7 @@ use motorium_bridges::recording::Tracking;
 use crate::chart::{Panel, panels};
 use crate::draw::escape;
 
-/// The errors of the joints of a topic of states, and their curves with the commanded ones.
+/// Returns the errors of the joints of a topic of states, and their curves with the commanded ones.
 pub(super) fn section(plan: &Plan, Tracking { command, state, joints }: &Tracking) -> String {
     let index = plan.topics.iter().position(|topic| topic.name == *state);
     let names = index.and_then(|index| joints_of_topic(plan, index)).unwrap_or_default();

@@ -79,7 +79,7 @@ impl Layout {
                 "the robot's base floats, but `root_joint` is not listed; add --fixed-base if it should not"
             }
         );
-        ensure!(self.nv == model.nv(), "the joints take {} entries of v, expected {}", self.nv, model.nv());
+        ensure!(self.nv == model.nv(), "the joints have {} entries in v, expected {}", self.nv, model.nv());
         Ok(())
     }
 
@@ -143,7 +143,7 @@ fn single(model: &Model, joint: usize) -> Entry {
     Entry { name: model.joint_names()[joint].clone(), joint: Some(joint), idx_q: 0, nq, idx_v: 0, nv: 1 }
 }
 
-/// Pinocchio's order; the parts of a planar joint, a single joint there, are consecutive.
+/// Returns Pinocchio's order; the parts of a planar joint, a single joint there, are consecutive.
 fn usual(model: &Model, order: &[String]) -> Vec<Entry> {
     let mut entries: Vec<Entry> = model.base().floating.then(base).into_iter().collect();
     for name in order {
@@ -167,10 +167,7 @@ fn entry(model: &Model, joint: &Value) -> anyhow::Result<Entry> {
     let mut entry = single(model, index);
     if let Some(nq) = joint["nq"].as_u64() {
         let two = nq == 2 && model.joint(index).kind != JointKind::Prismatic;
-        ensure!(
-            nq == 1 || two,
-            "joint `{name}` takes {nq} entries of q, expected 1, or 2 for cosine and sine"
-        );
+        ensure!(nq == 1 || two, "joint `{name}` has {nq} entries in q, expected 1, or 2 for cosine and sine");
         entry.nq = nq as usize;
     }
     Ok(entry)
@@ -191,7 +188,7 @@ fn number(entries: &mut [Entry], stated: &Value, length: Option<usize>) -> anyho
         let place = |key: &str| stated[index][key].as_u64().map(|place| place as usize);
         (entry.idx_q, entry.idx_v) = (place("idx_q").unwrap_or(q), place("idx_v").unwrap_or(v));
         (q, v) = (entry.idx_q + entry.nq, entry.idx_v + entry.nv);
-        ensure!(q <= 100_000 && v <= 100_000, "joint `{}` is placed beyond any vector", entry.name);
+        ensure!(q <= 100_000 && v <= 100_000, "the index of joint `{}` is above 100000", entry.name);
     }
     Ok(())
 }

@@ -28,10 +28,10 @@ use states::States;
 /// The states are JSON: `cases`, each with `q` (or `joint_positions` by name), `v`, `a`, `tau`, in
 /// Pinocchio's layout, or in the order `joints` lists. Two kinds of joints differ from Pinocchio: `v`, `a`
 /// and `tau` of a planar joint are along the axes of its plane, and `q` of a floating base is its pose in the
-/// world even where its joint has an origin. With --json the answer has one case for each; without, results
-/// that the states already hold are compared with ours.
+/// world even if its joint has an origin. With --json, all results are printed, one case per state. Otherwise
+/// results in the states are compared with ours.
 ///
-/// Without states, prints the poses of the frames in the world, in the home pose or another one.
+/// Without states, prints the poses of the frames in the world, at the home pose or another one.
 ///
 /// Example: motorium robot eval panda --frame panda_hand --pose ready
 #[derive(Debug, clap::Args)]
@@ -43,11 +43,11 @@ pub(super) struct Eval {
     states: Option<PathBuf>,
     #[command(flatten)]
     pose: PoseArgs,
-    /// This frame: its pose, and with states Jacobians, velocities and accelerations; may be repeated
-    /// [default: `jacobian_frames` of the states, or all frames]
+    /// Frame to print: its pose, and with states also Jacobians, velocities and accelerations; may be
+    /// repeated [default: `jacobian_frames` of the states, or all frames]
     #[arg(long, value_name = "LINK")]
     frame: Vec<String>,
-    /// Largest relative difference that counts as agreement when results are compared
+    /// Maximum relative difference that counts as agreement
     #[arg(long, default_value_t = 1e-8, conflicts_with = "json")]
     tolerance: f64,
     /// Print the answer as JSON

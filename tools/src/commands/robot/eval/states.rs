@@ -116,7 +116,8 @@ fn configuration(model: &Model, layout: &Layout, case: &Value) -> anyhow::Result
 fn vector(what: &str, value: &Value, length: usize) -> anyhow::Result<Vec<f64>> {
     let list = value.as_array().with_context(|| format!("`{what}` is not a list of numbers"))?;
     ensure!(list.len() == length, "`{what}` has {} entries, expected {length}", list.len());
-    let number =
-        |entry: &Value| entry.as_f64().with_context(|| format!("`{what}` holds {entry}, not a number"));
+    let number = |entry: &Value| {
+        entry.as_f64().with_context(|| format!("`{what}` contains {entry}, expected numbers"))
+    };
     list.iter().map(number).collect()
 }

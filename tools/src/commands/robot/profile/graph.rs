@@ -32,7 +32,7 @@ const OFFSET_PART: f64 = 0.2;
 /// Fraction of its height by which a standing robot lowers its base.
 const LOWERED: f64 = 0.05;
 
-/// The text of the graph. `name` is the robot's table, `reference` names the robot.
+/// Returns the text of the graph. `name` is the robot's table, `reference` names the robot.
 pub(super) fn first_graph(
     robot: &Loaded,
     profile: &Profile,
@@ -85,7 +85,7 @@ fn absolute(reference: &str) -> String {
     path.to_string_lossy().into_owned()
 }
 
-/// Whole-body controller that moves the base of a robot on its feet.
+/// Returns the whole-body controller that moves the base of a robot on its feet.
 fn standing(robot: &Loaded, profile: &Profile, name: &str) -> String {
     let base = &profile.base_poses[&profile.home];
     let frames = robot.model.frames();
@@ -134,7 +134,7 @@ fn standing(robot: &Loaded, profile: &Profile, name: &str) -> String {
     text
 }
 
-/// Joint trajectory to a pose of the first tool, if reachable.
+/// Returns the joint trajectory to a pose of the first tool, if reachable.
 fn reaching(model: &Model, profile: &Profile, name: &str) -> String {
     let goal = profile.end_effectors.values().find_map(|end| tool_goal(model, profile, end));
     let goal = goal.unwrap_or_else(|| (joint_goal(model, profile), String::new()));
@@ -147,7 +147,7 @@ fn reaching(model: &Model, profile: &Profile, name: &str) -> String {
     )
 }
 
-/// A reachable tool pose near home, and the key that names its frame.
+/// Returns a reachable tool pose near home, and the key that names its frame.
 fn tool_goal(model: &Model, profile: &Profile, end: &EndEffector) -> Option<(String, String)> {
     let arm: Vec<&String> = end.joints.iter().filter(|joint| !profile.passive.contains(joint)).collect();
     if arm.len() < POSE_JOINTS || model.base().floating {

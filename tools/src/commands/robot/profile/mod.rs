@@ -17,12 +17,13 @@ use crate::style;
 
 /// Write a first profile of a robot, to be edited: feet, end effectors, home pose, gains and limits.
 ///
-/// Feet and end effectors come from the SRDF next to the file, else from the names of links and the tip
-/// of the longest chain of joints. A robot on feet gets a floating base and stands at home; an arm is bent,
-/// inside its limits. Gains and accelerations follow from inertias, friction and effort limits.
+/// Feet and end effectors come from the SRDF next to the file. Without one, they are derived from the link
+/// names and the tip of the longest chain of joints. A robot with feet gets a floating base and stands in its
+/// home pose; the home pose of an arm is bent and within its limits. Gains and accelerations follow from
+/// inertias, friction and effort limits.
 ///
-/// A graph names it by `profile` in its `[robot.NAME]`; a profile of the same name in the folder of the
-/// robot's file needs no entry.
+/// A graph names the profile with the key `profile` in `[robot.NAME]`. A profile with the same name as the
+/// robot's file, in the same folder, needs no entry.
 ///
 /// Example: motorium robot profile arm.urdf --output my-arm.toml --graph reach.toml
 #[derive(Debug, clap::Args)]
@@ -75,7 +76,7 @@ fn write_new(file: &Path, text: &str) -> anyhow::Result<()> {
     let mut opened =
         OpenOptions::new().write(true).create_new(true).open(file).map_err(|error| match error.kind() {
             ErrorKind::AlreadyExists => anyhow::anyhow!(
-                "{} exists already and is not overwritten; name another file, or remove it",
+                "{} already exists and is not overwritten; name another file, or remove it",
                 file.display()
             ),
             _ => anyhow::Error::new(error).context(format!("writing {}", file.display())),
@@ -83,7 +84,7 @@ fn write_new(file: &Path, text: &str) -> anyhow::Result<()> {
     opened.write_all(text.as_bytes()).with_context(|| format!("writing {}", file.display()))
 }
 
-/// The name of the robot's table in a graph.
+/// Returns the name of the robot's table in a graph.
 fn table_name(robot: &Loaded) -> String {
     let name = robot.model.name().chars();
     let name: String =

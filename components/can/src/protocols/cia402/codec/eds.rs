@@ -54,9 +54,9 @@ const SIGNED: [(i64, u32); 8] =
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("line {line}: {message}")]
 pub struct EdsError {
-    /// Line, from 1.
+    /// Line of the error, counted from 1.
     pub line: usize,
-    /// Text found, and text expected.
+    /// Description of the found and expected text.
     pub message: String,
 }
 
@@ -164,22 +164,22 @@ impl Eds {
         Ok(sheet)
     }
 
-    /// Name of the product; empty if it is missing.
+    /// Returns the name of the product; empty if it is missing.
     pub fn product(&self) -> &str {
         &self.product
     }
 
-    /// Returns an object; `None` if the device does not have it.
+    /// Returns the entry of an object; `None` if the device does not have the object.
     pub fn entry(&self, object: Object) -> Option<&Entry> {
         self.entries.get(&(object.index, object.subindex))
     }
 
-    /// Returns the value of an object for this node, if it has one.
+    /// Returns the value of an object for node ID `node`; `None` if the object or its value is missing.
     pub fn value(&self, index: u16, subindex: u8, node: u8) -> Option<i64> {
         self.entry(Object { index, subindex })?.value(node)
     }
 
-    /// Number of objects, counting each subindex.
+    /// Returns the number of objects, counting each subindex.
     pub fn len(&self) -> usize {
         self.entries.len()
     }
@@ -219,12 +219,12 @@ impl Entry {
         }
     }
 
-    /// Name of the object.
+    /// Returns the name of the object.
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// Line of the object's section.
+    /// Returns the line of the object's section in the data sheet, counted from 1.
     pub fn line(&self) -> usize {
         self.line
     }
@@ -234,17 +234,18 @@ impl Entry {
         matches!(self.access.as_str(), "rw" | "rww" | "rwr" | "wo")
     }
 
-    /// Returns the value for this node: the value of the device, or else the default.
+    /// Returns the value for node ID `node`: the value of the specific device, otherwise the default; `None`
+    /// without either.
     pub fn value(&self, node: u8) -> Option<i64> {
         self.value.map(|value| value.for_node(node))
     }
 
-    /// Lowest value.
+    /// Returns the lowest allowed value for node ID `node`; `None` if it is not limited.
     pub fn low(&self, node: u8) -> Option<i64> {
         self.low.map(|low| low.for_node(node))
     }
 
-    /// Highest value.
+    /// Returns the highest allowed value for node ID `node`; `None` if it is not limited.
     pub fn high(&self, node: u8) -> Option<i64> {
         self.high.map(|high| high.for_node(node))
     }

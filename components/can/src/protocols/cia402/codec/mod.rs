@@ -105,8 +105,8 @@ impl DriveState {
         })
     }
 
-    /// Controlword for the next transition towards *operation enabled*; from *quick stop active*, back to
-    /// *switch on disabled*.
+    /// Returns the controlword for the next transition towards *operation enabled*. From *quick stop active*,
+    /// the transition leads back to *switch on disabled*. `None` while the drive is starting or has a fault.
     ///
     /// ```
     /// use motorium_can::cia402::DriveState;
@@ -149,7 +149,7 @@ pub enum HomingStatus {
 }
 
 impl HomingStatus {
-    /// Decodes the progress in a statusword.
+    /// Decodes the progress of a homing in a statusword.
     ///
     /// ```
     /// use motorium_can::cia402::HomingStatus;
@@ -166,13 +166,13 @@ impl HomingStatus {
     }
 }
 
-/// Setpoints of one cycle: the first receive process data of a node.
+/// Setpoints of one cycle: the first receive process data object (RPDO) of a node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Setpoint {
     /// Controlword.
     pub controlword: u16,
-    /// Setpoint of the mode in units of the drive: increments, increments per second, or (16 bits)
-    /// thousandths of the rated torque.
+    /// Setpoint of the mode: position in increments, velocity in increments per second, or torque in
+    /// thousandths of the rated torque (16 bits).
     pub target: i32,
 }
 
@@ -180,14 +180,14 @@ pub struct Setpoint {
 /// torque.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Process {
-    /// First transmit process data of a node.
+    /// First transmit process data object (TPDO) of a node.
     Position {
         /// Statusword.
         statusword: u16,
         /// Actual position, increments.
         position: i32,
     },
-    /// Second transmit process data of a node.
+    /// Second transmit process data object (TPDO) of a node.
     Motion {
         /// Actual velocity, increments per second.
         velocity: i32,
@@ -196,12 +196,12 @@ pub enum Process {
     },
 }
 
-/// Synchronisation frame.
+/// Returns the synchronisation frame.
 pub fn sync() -> Frame {
     Frame::classic(Id::Standard(0x080), &[])
 }
 
-/// Heartbeat frame of the adapter, node 127. Drives disable themselves in its absence.
+/// Returns the heartbeat frame of the adapter, node 127. Drives disable themselves in its absence.
 pub fn adapter_heartbeat() -> Frame {
     Frame::classic(Id::Standard(0x700 | u16::from(ADAPTER)), &[NetworkState::Operational as u8])
 }
@@ -222,17 +222,17 @@ impl Node {
     /// Node with the lowest ID.
     pub(crate) const FIRST: Self = Self(1);
 
-    /// Creates the node with this ID; `None` for 0 and beyond 127.
+    /// Creates the node with ID `node`; `None` for 0 and above 127.
     pub fn new(node: u8) -> Option<Self> {
         (1..128).contains(&node).then_some(Self(node))
     }
 
-    /// Identifier of one of the node's messages.
+    /// Returns the identifier of one of the node's messages.
     pub(crate) fn id(self, base: u16) -> Id {
         Id::Standard(base | u16::from(self.0))
     }
 
-    /// Frame of a network management command.
+    /// Returns the frame of a network management command.
     pub fn network(self, command: NetworkCommand) -> Frame {
         Frame::classic(Id::Standard(0x000), &[command as u8, self.0])
     }
@@ -258,7 +258,7 @@ impl Node {
         found.ok_or(DecodeError::Field { field: "the network command", found: command.into() })
     }
 
-    /// Node side: heartbeat frame.
+    /// Node side: returns the heartbeat frame.
     pub fn heartbeat_frame(self, state: NetworkState) -> Frame {
         Frame::classic(self.id(0x700), &[state as u8])
     }
@@ -286,13 +286,13 @@ impl Node {
         Ok(Emergency { code: u16::from_le_bytes([low, high]), register })
     }
 
-    /// Node side: frame of an emergency message.
+    /// Node side: returns the frame of an emergency message.
     pub fn emergency_frame(self, emergency: &Emergency) -> Frame {
         let [low, high] = emergency.code.to_le_bytes();
         Frame::classic(self.id(0x080), &[low, high, emergency.register, 0, 0, 0, 0, 0])
     }
 
-    /// Frame of the setpoints of one cycle: 6 bytes, or 4 in the torque mode.
+    /// Returns the frame with the setpoints of one cycle: 6 bytes, or 4 in the torque mode.
     pub fn setpoint(self, mode: Mode, setpoint: &Setpoint) -> Frame {
         let ([c0, c1], [a, b, c, d]) = (setpoint.controlword.to_le_bytes(), setpoint.target.to_le_bytes());
         if mode == Mode::Torque {
@@ -305,8 +305,8 @@ impl Node {
 
     /// Node side: decodes the setpoints in a frame.
     ///
-    /// # Errors Returns an error if the frame does not contain setpoints for this node, or belongs to another
-    /// mode.
+    /// # Errors
+    /// Returns an error if the frame does not contain setpoints for this node, or belongs to another mode.
     pub fn setpoint_of(self, mode: Mode, frame: &Frame) -> Result<Setpoint, DecodeError> {
         let word = |low, high| u16::from_le_bytes([low, high]);
         if mode == Mode::Torque {
@@ -318,7 +318,7 @@ impl Node {
         Ok(Setpoint { controlword: word(c0, c1), target: i32::from_le_bytes([a, b, c, d]) })
     }
 
-    /// Node side: frame of process data.
+    /// Node side: returns the frame of process data.
     pub fn process_frame(self, process: &Process) -> Frame {
         match *process {
             Process::Position { statusword, position } => {
@@ -350,7 +350,7 @@ impl Node {
     }
 }
 
-/// Nearest integer; halves round away from zero.
+/// Returns the nearest integer; halves round away from zero.
 pub(crate) fn nearest(x: f64) -> i32 {
     if x < 0.0 { (x - 0.5) as i32 } else { (x + 0.5) as i32 }
 }

@@ -6,9 +6,9 @@ use crate::frame::{DecodeError, Frame, exactly};
 /// Entry of the object dictionary.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Object {
-    /// Index.
+    /// Index in the object dictionary.
     pub index: u16,
-    /// Subindex.
+    /// Subindex of the object.
     pub subindex: u8,
 }
 
@@ -17,11 +17,11 @@ impl Object {
     pub const HEARTBEAT_CONSUMER: Self = Self { index: 0x1016, subindex: 1 };
     /// Period of the node's own heartbeat, ms.
     pub const HEARTBEAT_PRODUCER: Self = Self { index: 0x1017, subindex: 0 };
-    /// Command of the state machine.
+    /// Controlword: command to the state machine.
     pub const CONTROLWORD: Self = Self { index: 0x6040, subindex: 0 };
-    /// State of the state machine.
+    /// Statusword: state of the state machine.
     pub const STATUSWORD: Self = Self { index: 0x6041, subindex: 0 };
-    /// Mode of operation.
+    /// Requested mode of operation.
     pub const MODE: Self = Self { index: 0x6060, subindex: 0 };
     /// Active mode of operation.
     pub const MODE_DISPLAY: Self = Self { index: 0x6061, subindex: 0 };
@@ -31,7 +31,7 @@ impl Object {
     pub const HOMING_METHOD: Self = Self { index: 0x6098, subindex: 0 };
     /// Velocity towards the mark, increments per second.
     pub const HOMING_VELOCITY: Self = Self { index: 0x6099, subindex: 1 };
-    /// Velocity at the mark, increments per second.
+    /// Creep velocity at the mark, increments per second.
     pub const HOMING_CREEP_VELOCITY: Self = Self { index: 0x6099, subindex: 2 };
     /// Acceleration of a homing, increments per second squared.
     pub const HOMING_ACCELERATION: Self = Self { index: 0x609a, subindex: 0 };
@@ -41,9 +41,9 @@ impl Object {
     pub const MAX_CURRENT: Self = Self { index: 0x6073, subindex: 0 };
     /// Rated current of the motor, mA.
     pub const RATED_CURRENT: Self = Self { index: 0x6075, subindex: 0 };
-    /// Time between two setpoints: number of units.
+    /// Time between two setpoints, as a number of units.
     pub const INTERPOLATION_UNITS: Self = Self { index: 0x60c2, subindex: 1 };
-    /// Time between two setpoints: power of ten of the unit in seconds.
+    /// Power of ten of the unit of [`INTERPOLATION_UNITS`](Self::INTERPOLATION_UNITS), in seconds.
     pub const INTERPOLATION_EXPONENT: Self = Self { index: 0x60c2, subindex: 2 };
     /// Supported modes of operation, one bit each.
     pub const SUPPORTED_MODES: Self = Self { index: 0x6502, subindex: 0 };
@@ -71,8 +71,8 @@ impl Mapping {
     /// Number of services to configure one mapping.
     pub const STEPS: u8 = 7;
 
-    /// Index of the parameters, index of the mapping, identifier for node 0, and mapped objects with their
-    /// number of bits in the lowest byte.
+    /// Returns the index of the parameters, index of the mapping, identifier for node 0, and mapped objects
+    /// with their number of bits in the lowest byte.
     fn objects(self, mode: Mode) -> (u16, u16, u32, [u32; 2]) {
         let target = match mode {
             Mode::Position => 0x607a_0020,
@@ -123,35 +123,35 @@ pub struct Value {
 }
 
 impl Value {
-    /// Value of one byte.
+    /// Creates a value of one byte.
     pub fn byte(value: u8) -> Self {
         Self { bytes: [value, 0, 0, 0], length: 1 }
     }
 
-    /// Value of two bytes.
+    /// Creates a value of two bytes.
     pub fn word(value: u16) -> Self {
         let [a, b] = value.to_le_bytes();
         Self { bytes: [a, b, 0, 0], length: 2 }
     }
 
-    /// Value of four bytes.
+    /// Creates a value of four bytes.
     pub fn long(value: u32) -> Self {
         Self { bytes: value.to_le_bytes(), length: 4 }
     }
 
-    /// Unsigned value.
+    /// Returns the value as an unsigned integer.
     pub fn number(self) -> u32 {
         u32::from_le_bytes(self.bytes)
     }
 
-    /// Number of bytes, 1 to 4.
+    /// Returns the number of bytes, 1 to 4.
     pub fn length(self) -> usize {
         self.length.into()
     }
 }
 
 impl Node {
-    /// Frame of a service.
+    /// Returns the frame that requests a service.
     ///
     /// ```
     /// use motorium_can::cia402::{Mode, Node, Object, Service, Value};
@@ -185,7 +185,7 @@ impl Node {
         }
     }
 
-    /// Node side: frame that answers a service with the value of a read, or with an abort code.
+    /// Node side: returns the frame that answers a service with the value of a read, or with an abort code.
     pub fn service_answer(self, service: &Service, answer: Result<Value, u32>) -> Frame {
         let (of, answer) = match (*service, answer) {
             (Service::Read(of) | Service::Write(of, _), Err(code)) => (of, (0x80, code.to_le_bytes())),
@@ -196,7 +196,7 @@ impl Node {
         Frame::classic(self.id(0x580), &[command, low, high, of.subindex, a, b, c, d])
     }
 
-    /// Decodes the answer to a service. Returns the value of a read.
+    /// Decodes the answer to a service. Returns the value of a read, or `None` for a write.
     ///
     /// # Errors
     /// Returns an error if the frame is not an answer of this node, concerns another object, or is not
@@ -224,7 +224,7 @@ fn object(data: &[u8; 8]) -> Object {
     Object { index: u16::from_le_bytes([data[1], data[2]]), subindex: data[3] }
 }
 
-/// Value of an expedited transfer; unused bytes must be zero.
+/// Returns the value of an expedited transfer; unused bytes must be zero.
 fn value(data: &[u8; 8]) -> Result<Value, DecodeError> {
     let length = 4 - (data[0] >> 2 & 0x3);
     let bytes = [data[4], data[5], data[6], data[7]];

@@ -4,7 +4,7 @@ use crate::drive::Fault;
 use crate::protocols::cia402::codec::Emergency;
 use crate::protocols::dialogue::Response;
 
-/// Content of an emergency message: an error, or the end of an error with a code of 0x00xx.
+/// Returns the content of an emergency message: an error, or the end of an error with a code of 0x00xx.
 pub(super) fn response(emergency: Emergency) -> Response {
     match emergency.code >> 8 {
         0 => Response::Other,
@@ -12,7 +12,7 @@ pub(super) fn response(emergency: Emergency) -> Response {
     }
 }
 
-/// Fault for a CiA 402 error code.
+/// Returns the fault for a CiA 402 error code.
 pub(super) fn fault(code: u16) -> Fault {
     match code {
         0x8130 => Fault::CommunicationLost,

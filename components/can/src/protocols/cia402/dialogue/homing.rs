@@ -20,7 +20,7 @@ const ASK_AGAIN: u16 = 20;
 const SETTLES: u16 = 8;
 
 impl Cia402 {
-    /// Service required by the current stage.
+    /// Returns the service required by the current stage.
     fn homing_service(&self) -> Option<Service> {
         match self.homing {
             Stage::Mode { mode, is_written: false, .. } => {
@@ -31,7 +31,7 @@ impl Cia402 {
         }
     }
 
-    /// Controlword of a homing cycle; a service may be sent alongside it.
+    /// Returns the controlword of a homing cycle; a service may be sent alongside it.
     pub(super) fn home(&mut self, frames: &mut Vec<Frame>) -> u16 {
         if let Some(service) = self.homing_service()
             && let Stage::Mode { asked, .. } = &mut self.homing

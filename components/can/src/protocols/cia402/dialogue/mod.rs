@@ -45,13 +45,13 @@ pub(crate) struct Cia402 {
     fixed: Vec<Mapping>,
     /// Time between two synchronisations, ns.
     cycle_ns: u64,
-    /// Process data have been started.
+    /// `true` if process data have been started.
     is_started: bool,
     /// Remaining cycles of the fault reset.
     clears: u8,
     state: DriveState,
     motion: Motion,
-    /// The statusword and position of this cycle have arrived.
+    /// `true` if the statusword and position of this cycle have arrived.
     has_position: bool,
     /// Position of this cycle, rad.
     read_position: f64,
@@ -59,7 +59,8 @@ pub(crate) struct Cia402 {
     mode_reads: u8,
     /// Code of the last emergency message.
     emergency: u16,
-    /// A heartbeat has arrived since the settings were written. From then on, the heartbeat is monitored.
+    /// `true` if a heartbeat has arrived since the settings were written. From then on, the heartbeat is
+    /// monitored.
     is_beating: bool,
 }
 
@@ -129,7 +130,7 @@ impl Cia402 {
         }
     }
 
-    /// Optional settings of this drive, in addition to the common ones.
+    /// Returns the optional settings of this drive, in addition to the common ones.
     fn extras(&self) -> impl Iterator<Item = Extra> {
         let limited = LIMITED.into_iter().filter(|_| self.currents.is_some());
         limited.chain(HOMED.into_iter().filter(|_| self.homes.is_some()))
@@ -147,7 +148,7 @@ impl Cia402 {
         }
     }
 
-    /// Service that checks or writes a setting.
+    /// Returns the service that checks or writes a setting.
     fn setting(&self, setting: u8) -> Service {
         let tenths = self.cycle_ns / 100_000;
         // tenths of a millisecond if the period is a whole number of them and fits, otherwise milliseconds
@@ -183,7 +184,7 @@ impl Cia402 {
         }
     }
 
-    /// Service that checks or writes an optional setting.
+    /// Returns the service that checks or writes an optional setting.
     fn extra_setting(&self, setting: u8) -> Service {
         let HomingObjects { method, velocities, acceleration } = self.homes.unwrap_or_default();
         let write = |object, number| Service::Write(object, Value::long(number));
@@ -204,7 +205,7 @@ impl Cia402 {
         }
     }
 
-    /// Index of the mapping object that is compared for this setting, and its required value.
+    /// Returns the index of the mapping object that is compared for this setting, and its required value.
     fn fixed_mapping(&self, setting: u8) -> Option<(u16, u32)> {
         let mapping = Mapping::ALL.get(usize::from(setting / Mapping::STEPS))?;
         match mapping.step(self.node, self.cyclic(), setting % Mapping::STEPS) {

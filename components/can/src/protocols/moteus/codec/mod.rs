@@ -78,7 +78,7 @@ impl Mode {
 /// Command of the position mode.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Command {
-    /// Position of the output, rad; NaN for the present position.
+    /// Position setpoint of the output, rad; NaN for the present position.
     pub position: f64,
     /// Velocity, rad/s.
     pub velocity: f64,
@@ -86,12 +86,12 @@ pub struct Command {
     pub torque: f64,
     /// Fraction of the position gain stored in the drive, 0 to 1.
     pub kp_scale: f64,
-    /// Fraction of the velocity gain, 0 to 1.
+    /// Fraction of the velocity gain stored in the drive, 0 to 1.
     pub kd_scale: f64,
     /// Largest torque, N m; NaN for the drive's own limit.
     pub max_torque: f64,
-    /// Time without a command after which the drive disables itself, s; 0 for the drive's own setting
-    /// (`servo.default_timeout_s`), NaN for never.
+    /// Time without a command after which the drive disables itself, s. 0 selects the drive's own setting
+    /// (`servo.default_timeout_s`), NaN disables the watchdog.
     pub watchdog: f64,
 }
 
@@ -129,7 +129,7 @@ pub enum Instruction {
 /// Answer of a drive.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct State {
-    /// Mode.
+    /// Active mode.
     pub mode: Mode,
     /// Position of the output, rad.
     pub position: f64,
@@ -141,15 +141,15 @@ pub struct State {
     pub voltage: f64,
     /// Temperature of the board, degrees Celsius.
     pub temperature: f64,
-    /// Temperature of the motor, degrees Celsius, if it is reported.
+    /// Temperature of the motor, degrees Celsius; `None` if not reported.
     pub motor_temperature: Option<f64>,
-    /// Reference of the position, if it is reported.
+    /// Reference of the position; `None` if not reported.
     pub home: Option<Home>,
     /// Fault code, up to 127; 0 for none. Codes from 96 on indicate an active limit instead of a fault.
     pub fault: u8,
 }
 
-/// Drive by its ID, 1 to 126.
+/// ID of a drive, 1 to 126.
 ///
 /// ```
 /// use motorium_can::moteus::{Instruction, Node, Resolution};
@@ -166,24 +166,24 @@ impl Node {
     /// Drive with the lowest ID.
     pub(crate) const FIRST: Self = Self(1);
 
-    /// Creates the drive with this ID; `None` for 0, which is the host, and beyond 126.
+    /// Creates a drive ID; `None` for 0, which is the host, and above 126.
     pub fn new(node: u8) -> Option<Self> {
         (1..127).contains(&node).then_some(Self(node))
     }
 
-    /// Identifier of messages to the drive that request an answer.
+    /// Returns the identifier of messages to the drive that request an answer.
     pub fn id(self) -> Id {
         Id::Extended(0x8000 | u32::from(self.0))
     }
 
-    /// Identifier of its answers: 11 bits if the number fits, otherwise 29.
+    /// Returns the identifier of the drive's answers: 11 bits if the number fits, otherwise 29.
     pub fn reply_id(self) -> Id {
         let id = u16::from(self.0) << 8;
         Id::standard(id).unwrap_or(Id::Extended(id.into()))
     }
 
-    /// Frame of a message. It queries the state in the same resolution, but temperatures, position reference,
-    /// voltage and fault in 8 bits.
+    /// Returns the frame of a message, encoded in `resolution`. The frame also queries the state in this
+    /// resolution, except for temperatures, position reference, voltage and fault in 8 bits.
     pub fn frame(self, instruction: &Instruction, resolution: Resolution) -> Frame {
         let mut out = Writer::default();
         let mode = match instruction {
@@ -248,7 +248,7 @@ impl Node {
         }
     }
 
-    /// Drive side: frame of an answer.
+    /// Drive side: returns the frame of an answer.
     pub fn reply_frame(self, state: &State, resolution: Resolution) -> Frame {
         let mut out = Writer::default();
         out.head(REPLY, Resolution::Int8, MODE, 1);

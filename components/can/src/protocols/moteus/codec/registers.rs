@@ -47,7 +47,7 @@ enum Quantity {
 }
 
 impl Quantity {
-    /// Quantity in a supported register.
+    /// Returns the quantity in a supported register.
     fn from_register(register: u32) -> Option<Self> {
         Some(match register {
             MODE | HOME | FAULT => Self::Number,
@@ -62,7 +62,7 @@ impl Quantity {
         })
     }
 
-    /// Value of one integer step.
+    /// Returns the value of one integer step.
     fn step(self, resolution: Resolution) -> f64 {
         let steps = match self {
             Self::Number => [1.0; 3],
@@ -87,7 +87,7 @@ pub(super) const MODE: u32 = 0x00;
 pub(super) const POSITION: u32 = 0x01;
 pub(super) const VELOCITY: u32 = 0x02;
 pub(super) const TORQUE: u32 = 0x03;
-/// Celsius, if a thermistor is connected and enabled; otherwise 0.
+/// Temperature of the motor, degrees Celsius; 0 unless a thermistor is connected and enabled.
 pub(super) const MOTOR_TEMPERATURE: u32 = 0x0a;
 /// Position reference: power-up position, rotor or output.
 pub(super) const HOME: u32 = 0x0c;

@@ -83,11 +83,11 @@ const TEMPERATURE: usize = 20;
 /// State of a servo.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct State {
-    /// Position of its shaft, rad.
+    /// Position of the shaft, rad.
     pub position: f64,
     /// Velocity, rad/s.
     pub velocity: f64,
-    /// Raw current or load: units of about 1 mA, or thousandths of full effort.
+    /// Raw current in units of about 1 mA, or raw load in thousandths of full effort, depending on the model.
     pub load: i16,
     /// Supply voltage, V.
     pub voltage: f64,
@@ -95,7 +95,7 @@ pub struct State {
     pub temperature: f64,
 }
 
-/// Nearest step to a shaft position \[rad\], 0 to 4095.
+/// Returns the step nearest to a shaft position \[rad\], 0 to 4095.
 ///
 /// ```
 /// use motorium_can::dynamixel::{position, step};
@@ -107,7 +107,7 @@ pub fn step(position: f64) -> i32 {
     steps::nearest(position).into()
 }
 
-/// Position of a step, rad. A shaft turned by hand may be beyond one turn.
+/// Returns the shaft position of a step, rad. A shaft turned by hand may be beyond one turn.
 pub fn position(step: i32) -> f64 {
     steps::position(step)
 }
@@ -115,7 +115,8 @@ pub fn position(step: i32) -> f64 {
 impl State {
     /// Decodes the state in the registers from [`STATE`] on.
     ///
-    /// # Errors Returns an error if the number of registers is wrong, or if the position is beyond 256 turns.
+    /// # Errors
+    /// Returns an error if the number of registers is wrong, or if the position is beyond 256 turns.
     pub fn decode(data: &[u8]) -> Result<Self, DecodeError> {
         let (found, expected) = (data.len(), usize::from(STATE_BYTES));
         if found != expected {

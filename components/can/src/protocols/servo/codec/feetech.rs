@@ -63,13 +63,13 @@ const STATUS: usize = 25;
 /// State of a servo.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct State {
-    /// The servo holds its goal.
+    /// `true` if the servo holds its goal.
     pub is_enabled: bool,
-    /// Position of its shaft, rad.
+    /// Position of the shaft, rad.
     pub position: f64,
     /// Velocity, rad/s.
     pub velocity: f64,
-    /// Fraction of full effort, -1 to 1.
+    /// Load as a fraction of full effort, -1 to 1.
     pub load: f64,
     /// Supply voltage, V.
     pub voltage: f64,
@@ -79,7 +79,7 @@ pub struct State {
     pub status: u8,
 }
 
-/// Nearest step to a shaft position \[rad\], 0 to 4095.
+/// Returns the step nearest to a shaft position \[rad\], 0 to 4095.
 ///
 /// ```
 /// use motorium_can::feetech::{position, step};
@@ -91,12 +91,12 @@ pub fn step(position: f64) -> u16 {
     steps::nearest(position)
 }
 
-/// Position of a step, rad.
+/// Returns the shaft position of a step, rad.
 pub fn position(step: u16) -> f64 {
     steps::position(step.into())
 }
 
-/// Homing offset in a word, steps.
+/// Decodes the homing offset in a register word, steps.
 pub fn homing_offset(word: u16) -> i32 {
     signed(word, 11) as i32
 }
@@ -116,8 +116,9 @@ fn with_sign(number: f64, sign: u32) -> u16 {
 impl State {
     /// Decodes the state in the registers from [`TORQUE_ENABLE`] on.
     ///
-    /// # Errors Returns an error if the number of registers is wrong, if torque is neither on nor off, or if
-    /// the position is beyond one turn.
+    /// # Errors
+    /// Returns an error if the number of registers is wrong, if torque is neither on nor off, or if the
+    /// position is beyond one turn.
     pub fn decode(data: &[u8]) -> Result<Self, DecodeError> {
         let (found, expected) = (data.len(), usize::from(STATE_BYTES));
         if found != expected {
@@ -159,7 +160,7 @@ impl State {
         data[STATUS] = self.status;
     }
 
-    /// Most serious fault among the error flags.
+    /// Returns the most serious fault among the error flags; `None` without a fault.
     pub fn fault(&self) -> Option<Fault> {
         let has = |flag: u8| self.status & flag != 0;
         match () {

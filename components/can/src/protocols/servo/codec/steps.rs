@@ -7,12 +7,12 @@ pub const TURN: f64 = 4096.0;
 /// Step of position 0, in the middle of the range.
 pub const MIDDLE: f64 = 2048.0;
 
-/// Nearest step to a shaft position \[rad\], 0 to 4095.
+/// Returns the nearest step to a shaft position \[rad\], 0 to 4095.
 pub(super) fn nearest(position: f64) -> u16 {
     (MIDDLE + position / TAU * TURN + 0.5).clamp(0.0, TURN - 1.0) as u16
 }
 
-/// Position of a step, rad.
+/// Returns the position of a step, rad.
 pub(super) fn position(step: i32) -> f64 {
     (f64::from(step) - MIDDLE) / TURN * TAU
 }
