@@ -87,7 +87,7 @@ pub(super) fn write<F: Float>(places: &mut [F], values: impl Iterator<Item = F>)
     (count, bits == F::Bits::default())
 }
 
-/// Kind of the numbers that a value consists of.
+/// Type of the numbers that a value consists of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Numbers {
     /// `f64` only, without padding.
@@ -96,12 +96,12 @@ pub enum Numbers {
     Single,
     /// Integers only: any content is valid.
     Whole,
-    /// Several kinds, or entries that are only valid up to a count.
+    /// Several types, or entries that are only valid up to a count.
     Mixed,
 }
 
 impl Numbers {
-    /// Combines the numbers of the parts of a value.
+    /// Returns the type of the numbers of a value whose parts have the types `parts`.
     ///
     /// ```
     /// use motorium::state::Numbers;
