@@ -47,7 +47,9 @@ impl RawInput {
         let source = match topic.pattern {
             TopicPattern::State => Source::State(StateReader::new(participant.memory(topic)?, place.pin)),
             TopicPattern::Slices { .. } => {
-                return Err(refused(&topic.name, "opening a port for bytes")(&"it carries slices"));
+                return Err(refused(&topic.name, "opening a port for bytes")(
+                    &"the topic contains slices, expected single values",
+                ));
             }
             TopicPattern::Stream { .. } => Source::Stream(StreamReader::open(participant, place)?),
         };

@@ -139,7 +139,7 @@ impl TopicReader {
             same_layout::<T>(&self.topic, "the reader")?;
             if matches!(self.topic.pattern, TopicPattern::Slices { .. }) {
                 return Err(refused(&self.topic.name, "reading a value")(
-                    &"it carries slices: read their bytes",
+                    &"the topic contains slices; read their bytes",
                 ));
             }
             self.known.set(Some(TypeId::of::<T>()));
