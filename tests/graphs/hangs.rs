@@ -77,7 +77,7 @@ fn a_step_that_never_ends_is_reported_and_follows_the_policy() {
     let (_folder, graph) = faulty("{ fault = \"hang\", at = 200, once = true }", settings);
     let ended = run(&graph, &["--for", "2 s"]);
     assert_eq!((ended.code, &ended.report().exit), (Some(0), &Exit::Finished), "{}", ended.stderr);
-    for message in ["`faulty` at tick 200: hung: its step has not ended after", "(`hang_after` is 60 ms)"] {
+    for message in ["`faulty` at tick 200: hung: step still running after", "(`hang_after` is 60 ms)"] {
         assert!(ended.stderr.contains(message), "{}", ended.stderr);
     }
 }
