@@ -32,13 +32,13 @@ pub struct LoggedEvent {
     /// Number of the episode; `null` in logs of versions that did not number episodes of real time.
     #[serde(default)]
     pub episode: Option<u64>,
-    /// Its severity.
+    /// Severity of the event.
     pub severity: EventSeverity,
     /// Affected component; `null` for the whole run.
     pub component: Option<String>,
     /// Its kind.
     pub kind: EventKind,
-    /// Value as defined by its kind; otherwise 0.
+    /// Value that belongs to the event, as defined by its kind; otherwise 0.
     pub value: f64,
     /// Description of the event.
     pub text: String,

@@ -99,13 +99,13 @@ pub struct ComponentReport {
     pub lateness_ns: Percentiles,
     /// Execution time: from the start to the end of the step, wall-clock ns.
     pub execution_ns: Percentiles,
-    /// CPU time of each step, ns, including waiting and waking but not spinning.
+    /// CPU times of steps, ns, including waiting and waking but not spinning.
     pub cpu_ns: Percentiles,
     /// Spin time before a release, as of the end of the run, ns.
     pub spin_ns: u64,
     /// Stalls of the machine during its spinning.
     pub stalls: Stalls,
-    /// Missed steps by cause.
+    /// Number of missed steps by cause.
     pub misses: Misses,
     /// Number of descriptor releases that came earlier than `min_interval` after the previous one and were
     /// delayed.
