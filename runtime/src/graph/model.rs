@@ -311,7 +311,7 @@ impl<'i> Read<'i> for ComponentTable<'i> {
 #[derive(Debug, JsonSchema)]
 #[schemars(deny_unknown_fields, rename = "Restart")]
 pub(super) struct RestartTable {
-    /// Condition of a restart.
+    /// Condition under which a component is restarted.
     #[schemars(extend("default" = defaults::RESTART_WHEN))]
     pub when: Option<At<RestartWhen>>,
     /// Maximum number of restarts within `window`.
