@@ -59,7 +59,8 @@ fn a_stopped_component_leads_to_the_safe_state() {
     assert_eq!(ended.code, Some(4), "{}", ended.stderr);
     let reason = reason(ended.report());
     assert!(
-        reason.contains("`controller`") && reason.contains("(`hang_after` is 200 ms): it was stopped"),
+        reason.contains("`controller`")
+            && reason.contains("(`hang_after` is 200 ms): its thread was stopped"),
         "{reason}"
     );
     assert!(ended.stderr.contains("all actuators in their safe state"), "{}", ended.stderr);

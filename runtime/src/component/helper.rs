@@ -194,7 +194,7 @@ mod tests {
         let (sender, receiver) = unbounded::<()>();
         helpers.start("deaf", vec![0], move |_| while receiver.recv().is_ok() {}).unwrap();
         assert!(helpers.start("a-name-that-is-too-long", vec![0], |_| ()).is_err());
-        assert_eq!(helpers.stop(), Err("its helper `deaf` has not stopped within 20ms".to_string()));
+        assert_eq!(helpers.stop(), Err("its helper `deaf` did not stop within 20ms".to_string()));
         drop(sender);
     }
 }

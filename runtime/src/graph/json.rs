@@ -40,7 +40,7 @@ pub(super) fn to_json(value: &Value<'_>, report: &mut Report) -> Option<Json> {
                 None => {
                     report
                         .error(format!("{} is not a finite number", number.as_str()))
-                        .label(&value.span(), "a configuration holds finite numbers only")
+                        .label(&value.span(), "expected a finite number")
                         .advise("leave the key out if it means \"no limit\"");
                     return None;
                 }

@@ -107,7 +107,7 @@ impl<'i> GraphTable<'i> {
         for at in table.extends.iter().map(|at| &at.key).chain(table.remove.iter().map(|at| &at.key)) {
             keys.report()
                 .error("`extends` and `remove` cannot be set from the command line")
-                .label(at, "belongs into a file")
+                .label(at, "expected in a file")
                 .advise("write a separate file, and merge it over the graph by `--with FILE`");
         }
         table.meant = keys.finish("the graph");

@@ -26,7 +26,7 @@ pub struct Override {
 
 /// The argument is not a valid override.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("`{0}` sets nothing: expected `component.key=value`, such as `controller.config.damping=1e-4`")]
+#[error("`{0}` is not an override, expected `component.key=value`, such as `controller.config.damping=1e-4`")]
 pub struct OverrideError(String);
 
 impl core::str::FromStr for Override {
@@ -97,7 +97,7 @@ fn read_value<'i>(
         }
         Err(_) if setting.value.is_empty() => {
             report
-                .error(format!("`{}` is set to nothing", setting.path))
+                .error(format!("`{}` is set without a value", setting.path))
                 .label(&span, "a value is missing")
                 .advise(format!("for empty text write --set '{}=\"\"'", setting.path));
             None
@@ -217,7 +217,7 @@ fn element<'t, 'i>(
             count => format!("expected a number from 0 to {}", count - 1),
         };
         report
-            .error(format!("`{name}` is not the place of an entry in an array"))
+            .error(format!("`{name}` is not the index of an array entry"))
             .label(&span, label)
             .advise("count entries from 0, as in `latency.0.max`");
     }

@@ -48,10 +48,10 @@ pub enum ExecProblem {
         reason: String,
     },
     /// The program does not answer in time.
-    #[error("program `{}` did not describe itself within {} s", .0.display(), DESCRIBE_TIMEOUT.as_secs())]
+    #[error("program `{}` did not answer within {} s", .0.display(), DESCRIBE_TIMEOUT.as_secs())]
     Silent(PathBuf),
     /// The answer of the program is not a component's.
-    #[error("program `{}` does not answer `{request}` as a component does: {reason}", path.display())]
+    #[error("program `{}` gave an invalid answer to `{request}`: {reason}", path.display())]
     NoComponent {
         /// The program.
         path: PathBuf,
@@ -63,7 +63,7 @@ pub enum ExecProblem {
         stderr: String,
     },
     /// The program was built with another version.
-    #[error("program `{}` was built with motorium {found}, this is motorium {VERSION}", path.display())]
+    #[error("program `{}` was built with motorium {found}, expected motorium {VERSION}", path.display())]
     Version {
         /// The program.
         path: PathBuf,
@@ -71,7 +71,7 @@ pub enum ExecProblem {
         found: String,
     },
     /// The program is another build of the same version, with a different layout of shared memory.
-    #[error("program `{}` has another layout of shared memory than this motorium {VERSION}", .0.display())]
+    #[error("program `{}` lays out shared memory differently from this build of motorium {VERSION}", .0.display())]
     Memory(PathBuf),
 }
 
@@ -143,7 +143,7 @@ pub fn describe(
         (None, None) => Err(ExecProblem::NoComponent {
             path: path.to_path_buf(),
             request: DESCRIBE,
-            reason: "its answer declares nothing".into(),
+            reason: "its answer has no declaration".into(),
             stderr: String::new(),
         }),
     }
@@ -181,13 +181,13 @@ fn answer<T: serde::de::DeserializeOwned>(
     let reply: Json = serde_json::from_str(&answer.stdout).map_err(|error| {
         no_component(match (answer.status.success(), answer.stdout.trim()) {
             (false, _) => format!("it ended with {}", answer.status),
-            (true, "") => "it said nothing".to_string(),
+            (true, "") => "its standard output is empty".to_string(),
             _ => format!("it did not answer in JSON ({error})"),
         })
     })?;
     let version = reply.get("motorium").and_then(Json::as_str).unwrap_or_default();
     if version.is_empty() {
-        return Err(no_component("its answer names no version of motorium".into()));
+        return Err(no_component("its answer has no version of motorium".into()));
     }
     if version != VERSION {
         return Err(ExecProblem::Version { path: path.to_path_buf(), found: version.to_string() });

@@ -61,13 +61,13 @@ fn cpu_limit(draft: &Draft<'_, '_>, schedule: Schedule, period_ns: u64, report: 
         if let Some(at) = given {
             let advice = match schedule {
                 Schedule::Deadline => {
-                    "the kernel ends its turn when its budget is used up: leave `cpu_limit` out"
+                    "the kernel suspends it when its budget is used up; leave `cpu_limit` out"
                 }
-                _ => "it does not block the core for others: leave `cpu_limit` out",
+                _ => "it does not block the core for others; leave `cpu_limit` out",
             };
             report
                 .error(format!("component `{}` has a `cpu_limit` but is not scheduled as `fifo`", draft.name))
-                .label(&at.key, format!("has no meaning for `schedule = \"{}\"`", schedule.word()))
+                .label(&at.key, format!("does not apply to `schedule = \"{}\"`", schedule.word()))
                 .advise(advice);
         }
         return None;

@@ -133,7 +133,7 @@ fn start(
                 (None, None) => "add `rate = \"1 kHz\"`".to_string(),
             };
             report
-                .error(format!("component `{}` does not say when it steps", draft.name))
+                .error(format!("component `{}` has nothing that releases its steps", draft.name))
                 .label(&draft.place, needs)
                 .advise(advice);
             None
@@ -166,8 +166,8 @@ fn start(
             if let Some(phase) = &table.phase {
                 report
                     .error(format!("component `{}` has a phase but no rate", draft.name))
-                    .label(&phase.key, "has no meaning for a triggered component")
-                    .and(&trigger.key, "it steps when this is published")
+                    .label(&phase.key, "does not apply to a triggered component")
+                    .and(&trigger.key, "it steps when this topic is published")
                     .advise("leave `phase` out");
             }
             find_trigger(component, draft, trigger, wiring, report)
@@ -187,7 +187,7 @@ fn without_grid(draft: &Draft<'_, '_>, report: &mut Report) {
     report
         .error(format!("component `{}` has no releases to {name}", draft.name))
         .label(&policy.span, why)
-        .and(place, format!("{label}, and what comes while it steps is one wake-up"))
+        .and(place, format!("{label}; values that arrive during a step cause a single wake-up"))
         .advise("leave `on_overrun` out, or choose skip, hold or safe_stop");
 }
 
@@ -271,8 +271,11 @@ fn loops(
             if in_a_loop[current] {
                 report
                     .error(format!("component `{}` would never step", drafts[component].name))
-                    .label(span, "this trigger chain starts nowhere")
-                    .and(&drafts[current].place, "it leads back to this one, which is part of a trigger loop")
+                    .label(span, "this trigger chain has no start")
+                    .and(
+                        &drafts[current].place,
+                        "it is triggered by this component, which is part of a trigger loop",
+                    )
                     .advise("break the loop: give one of its components a `rate` instead of its `trigger`");
                 break;
             }

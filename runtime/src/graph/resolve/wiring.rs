@@ -249,7 +249,10 @@ fn nothing_to_do(component: usize, draft: &Draft<'_, '_>, wiring: &Wiring, repor
     }
     if declaration.ports.is_empty() {
         report
-            .warning(format!("component `{}` has no ports: the graph cannot see what it does", draft.name))
+            .warning(format!(
+                "component `{}` has no ports, so the graph cannot check its data flow",
+                draft.name
+            ))
             .label(&draft.place, "neither reads nor writes")
             .advise("harmless if it only acts outside the graph");
     } else if declaration.ports.iter().all(|port| !port.required) {

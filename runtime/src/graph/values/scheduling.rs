@@ -91,7 +91,7 @@ impl<'i> Read<'i> for Share {
             return Some(Self(number));
         }
         report
-            .error(format!("`{key}` is {number}, which is not a share"))
+            .error(format!("`{key}` is {number}, expected a share above 0 and at most 1"))
             .label(&value.span(), "expected more than 0 and at most 1")
             .advise("a tenth of a core: 0.1");
         None
