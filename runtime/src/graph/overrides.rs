@@ -14,17 +14,18 @@ use super::read::Value;
 use super::source::{Source, Span};
 use crate::nearest::{list, nearest};
 
-/// A value of the command line that overrides the file.
+/// A value from the command line that overrides a value in the file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Override {
-    /// Dotted path of the key: `clock`, `duration`, `controller.config.damping`, `latency.0.max`.
+    /// Dotted path of the key, such as `clock`, `duration`, `controller.config.damping` or `latency.0.max`.
     /// `component.NAME` may be shortened to `NAME`.
     pub path: String,
-    /// The value as TOML; anything else is treated as text, so that `clock=lockstep` needs no quotes.
+    /// The value in TOML. Anything that is not valid TOML is treated as text, so `clock=lockstep` needs no
+    /// quotes.
     pub value: String,
 }
 
-/// The argument is not a valid override.
+/// Error of parsing an override.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("`{0}` is not an override, expected `component.key=value`, such as `controller.config.damping=1e-4`")]
 pub struct OverrideError(String);

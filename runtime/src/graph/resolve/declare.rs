@@ -30,17 +30,17 @@ use crate::worker::{ConfigProblem, DescribeRequest};
 /// analysis.
 const MOST: usize = 512;
 
-/// Time for the declaration of a component.
+/// Time that the declaration of a component lasted.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
 pub struct DeclareTime {
-    /// The component.
+    /// Name of the component.
     pub component: String,
-    /// Wall time of its [`declare`](crate::component::Component::declare), ns; for a separate program
-    /// including its start and end.
+    /// Wall-clock time of the component's [`declare`](crate::component::Component::declare), ns. For a
+    /// separate program this includes its start and end.
     pub wall_ns: u64,
 }
 
-/// Declaration time of a component above which `motorium check` warns, ns.
+/// Declaration time above which `motorium check` prints a warning, ns.
 pub const DECLARE_BOUND_NS: u64 = 100_000_000;
 
 /// Resolves all components of the file, in order.

@@ -104,7 +104,7 @@ fn find(sibling: Sibling) -> Result<Rc<Program>, Homeless> {
     }
 }
 
-/// Returns the path of a program next to this one or on `PATH`; `None` if not installed.
+/// Returns the path of a program next to this one or on `PATH`; `None` if it is not installed.
 pub fn locate(sibling: &Sibling) -> Option<PathBuf> {
     let on_path = std::env::var_os("PATH").unwrap_or_default();
     let folders = std::iter::once(own_folder()).chain(std::env::split_paths(&on_path));

@@ -16,12 +16,12 @@ use crate::units::TimeSpan;
 /// The activation of each component.
 #[derive(Debug)]
 pub(super) struct Timing {
-    /// Per component; `None` if unknown, which has been reported.
+    /// Activation, by component; `None` if it is invalid, which has been reported.
     pub activation: Vec<Option<Activation>>,
-    /// Per component: the component at the head of its trigger chain, which the clock or events release;
-    /// itself if it is a head.
+    /// Component at the head of the trigger chain, by component. The head is released by the clock or by
+    /// events. A head has its own index.
     pub head: Vec<Option<usize>>,
-    /// Per component: the component whose output triggers it.
+    /// Component whose output triggers the component, by component.
     pub triggered_by: Vec<Option<usize>>,
 }
 

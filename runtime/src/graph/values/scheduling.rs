@@ -33,7 +33,7 @@ pub(in crate::graph) enum EventSource {
 /// The spin time before a release.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(in crate::graph) enum SpinChoice {
-    /// A time adapted to the wake errors of the machine.
+    /// A time that adapts to the wake-up errors measured on the machine.
     Auto,
     /// A fixed time.
     Fixed(TimeSpan),

@@ -21,13 +21,13 @@ use crate::plan::{ClockKind, SchedulingClass, SchedulingPlan, Spin};
 #[derive(Debug)]
 pub(super) struct Scheduling {
     pub plan: SchedulingPlan,
-    /// By component.
+    /// Scheduling class, by component.
     pub classes: Vec<SchedulingClass>,
-    /// Per component: increment of its priority over the head of its chain.
+    /// Priority relative to the head of the trigger chain, by component.
     pub rises: Vec<u8>,
-    /// Per component; `None` for any of the shared cores.
+    /// Core, by component; `None` if the component may run on any of the shared cores.
     pub cores: Vec<Option<usize>>,
-    /// By component.
+    /// Spinning before releases, by component.
     pub spins: Vec<Spin>,
 }
 
