@@ -74,7 +74,7 @@ pub(in crate::graph) struct ActuatorSafetyTable {
     /// commands. Older commands are never applied. The maximum age of measurements changes by the same
     /// amount.
     pub stale_after: Option<At<TimeSpan>>,
-    /// Safe state: the state that the actuator applies without a valid command.
+    /// Safe state: the state that an actuator applies without a valid command.
     pub safe_state: Option<At<SafeState>>,
     /// Recovery from the safe state once commands are fresh again.
     pub resume: Option<At<ResumeRule>>,
