@@ -116,7 +116,7 @@ impl Layers {
         }
         match String::from_utf8(bytes) {
             Ok(text) => Ok(Some((path, text))),
-            Err(_) => refuse(format!("the file `{name}` is not text"), "save the file as UTF-8"),
+            Err(_) => refuse(format!("the file `{name}` is not UTF-8 text"), "save the file as UTF-8"),
         }
     }
 

@@ -191,7 +191,7 @@ fn not_text(path: &Path, error: &std::string::FromUtf8Error) -> GraphError {
     let text = String::from_utf8_lossy(&error.as_bytes()[..valid]).into_owned();
     let mut report = Report::new(Arc::new(Sources::of_file(path.display().to_string(), text)));
     report
-        .error("the graph file is not text")
+        .error("the graph file is not UTF-8 text")
         .label(&(valid..valid), "the first byte that is not UTF-8 follows here")
         .advise("save the file as UTF-8");
     GraphError::new(report.into_diagnostics())

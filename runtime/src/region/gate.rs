@@ -312,7 +312,7 @@ pub struct Limited {
     pub joint: String,
     /// The limit that was exceeded.
     pub limit: LimitKind,
-    /// Number of commands.
+    /// Number of commands that exceeded the limit.
     pub count: u64,
 }
 
@@ -321,6 +321,6 @@ pub struct Limited {
 pub struct Refused {
     /// The reason.
     pub reason: Refusal,
-    /// Number of commands.
+    /// Number of commands refused for this reason.
     pub count: u64,
 }

@@ -22,14 +22,14 @@ pub(super) struct Parts<'g, 'i> {
     pub wiring: Wiring,
     pub timing: Timing,
     pub scheduling: Scheduling,
-    /// Liveness limits, by component.
+    /// Liveness limits of each component.
     pub liveness: Vec<LivenessPlan>,
     pub parameters: Vec<Vec<ParameterPlan>>,
     pub latencies: Latencies,
-    /// Number of values kept for taps, by topic.
+    /// Number of values that each topic keeps for taps.
     pub histories: Vec<usize>,
     pub safety: SafetyPlan,
-    /// Safety settings, by component; `None` if the graph's settings apply.
+    /// Safety settings of each component; `None` if the graph's settings apply.
     pub actuators: Vec<Option<ActuatorSafety>>,
     pub expectations: Vec<Expectation>,
     pub order: Vec<usize>,

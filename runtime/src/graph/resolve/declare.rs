@@ -62,7 +62,7 @@ pub(super) fn resolve<'g, 'i>(
     if let Some((_, at)) = components.get(MOST) {
         report
             .error(format!("the graph has {} components", components.len()))
-            .label(&at.key, format!("the first of those beyond {MOST}"))
+            .label(&at.key, format!("expected at most {MOST}; this is the first one too many"))
             .advise("each component is a separate process: combine related parts in one component");
         return Vec::new();
     }

@@ -16,12 +16,12 @@ use crate::units::TimeSpan;
 /// The activation of each component.
 #[derive(Debug)]
 pub(super) struct Timing {
-    /// Activation, by component; `None` if it is invalid, which has been reported.
+    /// Activation of each component; `None` if it is invalid, which has been reported.
     pub activation: Vec<Option<Activation>>,
-    /// Component at the head of the trigger chain, by component. The head is released by the clock or by
-    /// events. A head has its own index.
+    /// For each component, the component at the head of its trigger chain, which the clock or events release.
+    /// A head refers to itself.
     pub head: Vec<Option<usize>>,
-    /// Component whose output triggers the component, by component.
+    /// For each component, the component whose output triggers it.
     pub triggered_by: Vec<Option<usize>>,
 }
 

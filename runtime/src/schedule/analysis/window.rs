@@ -60,16 +60,16 @@ pub(in crate::schedule) struct Demand {
 /// Bounds of one stage of a task.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(in crate::schedule) struct Bound {
-    /// From the time a release is due to the end of the stage.
+    /// Time from when a release is due to the end of the stage.
     pub finish: Sum,
-    /// From the actual release to the end of the stage.
+    /// Time from the actual release to the end of the stage.
     pub response: Sum,
 }
 
 /// Terms of a bound: the stages of the job up to its own, plus other jobs, minus the time before the release.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub(in crate::schedule) struct Sum {
-    /// The bound.
+    /// Value of the bound, ns.
     pub total: i64,
     /// By task of the core: number of jobs that run in the window before the stage ends, excluding the job
     /// itself.

@@ -21,13 +21,13 @@ use crate::plan::{ClockKind, SchedulingClass, SchedulingPlan, Spin};
 #[derive(Debug)]
 pub(super) struct Scheduling {
     pub plan: SchedulingPlan,
-    /// Scheduling class, by component.
+    /// Scheduling class of each component.
     pub classes: Vec<SchedulingClass>,
-    /// Priority relative to the head of the trigger chain, by component.
+    /// Priority of each component relative to the head of its trigger chain.
     pub rises: Vec<u8>,
-    /// Core, by component; `None` if the component may run on any of the shared cores.
+    /// Core of each component; `None` if it may run on any of the shared cores.
     pub cores: Vec<Option<usize>>,
-    /// Spinning before releases, by component.
+    /// Spinning of each component before its releases.
     pub spins: Vec<Spin>,
 }
 
