@@ -58,7 +58,7 @@ pub enum Denied {
     #[error("cores {0:?} ({1})")]
     Cores(Vec<usize>, String),
     /// Limit on the time for which a thread may compute without sleeping.
-    #[error("a CPU time limit without sleeping ({0})")]
+    #[error("a limit on CPU time between sleeps ({0})")]
     CpuLimit(String),
     /// Locking of the memory of the process.
     #[error("locked memory ({0})")]

@@ -63,7 +63,7 @@ pub enum ExpectationError {
     #[error("`{0}` has a bound that is not a number, expected a number after `<`, `<=`, `>` or `>=`")]
     NoOrder(String),
     /// The figure before the comparison is missing.
-    #[error("`{0}` names no figure, expected one, such as in `controller.position_error_m <= 1e-3`")]
+    #[error("`{0}` names no figure, expected a condition such as `controller.position_error_m <= 1e-3`")]
     NoFigure(String),
 }
 

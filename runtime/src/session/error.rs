@@ -16,7 +16,7 @@ pub enum SessionError {
     #[error("the run has ended: {}", describe(.0))]
     Ended(Exit),
     /// The session belongs to the process from which the current one was forked.
-    #[error("the session: {0}")]
+    #[error("the session cannot be used in this process: {0}")]
     OtherProcess(#[from] OtherProcess),
     /// The operation requires simulated time, but the run is in real time.
     #[error(
