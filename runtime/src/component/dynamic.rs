@@ -8,7 +8,7 @@ use crate::declare::{ConfigError, Declare, StepError};
 /// A component as a trait object, for programs that run scripts and for bindings to other languages, which
 /// have no Rust type for each component.
 ///
-/// Its methods are those of [`Component`](super::Component), with JSON as configuration. Ports are usually
+/// It has the methods of [`Component`](super::Component), with JSON as configuration. Ports are usually
 /// from [`raw`](crate::raw). [`Declare::resets`] declares that the component can be reset. `program::main_of`
 /// is the `main` function of its program, which a graph names by `exec`.
 ///

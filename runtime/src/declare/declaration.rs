@@ -143,7 +143,7 @@ impl Declare {
 
     /// Adds a warning about a valid but probably unintended configuration. `motorium check` and `run` print
     /// the warning with its position in the graph file: the component, or the key set by
-    /// [`DeclareWarning::key`].
+    /// [`DeclareWarning::key`](method@DeclareWarning::key).
     ///
     /// ```
     /// use motorium::prelude::*;

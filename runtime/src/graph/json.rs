@@ -67,9 +67,9 @@ pub(super) fn to_json(value: &Value<'_>, report: &mut Report) -> Option<Json> {
 
 /// Positions of a key in a `config` table.
 pub(super) struct Found {
-    /// Span of the key itself, or of an element of an array.
+    /// Position of the key itself, or of an element of an array.
     pub key: Span,
-    /// Span of its value.
+    /// Position of the value.
     pub value: Span,
 }
 

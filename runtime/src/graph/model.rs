@@ -351,7 +351,7 @@ pub(super) struct LatencyTable {
     /// Maximum time from the source time of `from` to the publication of `to`.
     #[schemars(required)]
     pub max: Option<At<TimeSpan>>,
-    /// Policy for a longer latency.
+    /// Policy for a latency above `max`.
     #[schemars(extend("default" = defaults::ON_MISS))]
     pub on_miss: Option<At<OnMiss>>,
     /// Known keys of which the file's unknown keys are probably misspellings.

@@ -130,8 +130,8 @@ impl Expectation {
         format!("{} {}", self.comparison.sign(), self.bound)
     }
 
-    /// Returns `true` if `value` satisfies the condition. A missing value never does, and neither does a
-    /// value that is not finite, or not a number where a number is expected.
+    /// Returns `true` if `value` satisfies the condition. Returns `false` for a missing value, a value that
+    /// is not finite, and a value that is not a number where a number is expected.
     pub fn is_met_by(&self, value: &serde_json::Value) -> bool {
         if value.is_null() {
             return false;

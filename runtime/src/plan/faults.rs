@@ -59,7 +59,7 @@ pub struct RestartPlan {
     pub at_most: u32,
     /// Time window over which restarts are counted, ns.
     pub window_ns: u64,
-    /// Time within which a restarted component must step again, ns. Otherwise it has failed again.
+    /// Time within which a restarted component must step again, ns. Otherwise it counts as failed again.
     pub within_ns: u64,
 }
 

@@ -274,8 +274,9 @@ pub struct ComponentPlan {
     pub spin: Spin,
     /// Scheduling class.
     pub class: SchedulingClass,
-    /// Priority of the component relative to the head of its trigger chain on the same core. It is raised so
-    /// that a triggered component runs before the component that triggered it continues.
+    /// Amount by which the component's priority exceeds the priority of the head of its trigger chain on the
+    /// same core. With a higher priority, a triggered component runs before the component that triggered it
+    /// continues.
     #[serde(default)]
     pub rise: u8,
     /// Inputs in the order of declaration.

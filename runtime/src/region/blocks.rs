@@ -92,8 +92,8 @@ pub struct ComponentBlock {
     pub episode_first: AtomicU64,
     /// Index of the episode that the component entered last.
     pub(crate) episode: AtomicU64,
-    /// Lockstep: number of publications on its trigger topic at its last tick. Written by the party that
-    /// passes the turn.
+    /// Lockstep: number of publications on the trigger topic that the component had seen at its last tick.
+    /// Written by the party that passes the turn.
     pub trigger_seen: AtomicU64,
     /// Number of steps begun, across restarts; one more than `steps` during a step.
     pub begun: AtomicU64,

@@ -135,8 +135,8 @@ impl Region {
         Counts::from_plan(plan).bytes()
     }
 
-    /// Returns `true` if the control block has the numbers of blocks that the plan requires. A damaged
-    /// control block may not.
+    /// Returns `true` if the control block has as many blocks of each type as the plan requires. This may be
+    /// `false` for a damaged control block.
     pub fn fits(&self, plan: &Plan) -> bool {
         self.counts == Counts::from_plan(plan)
     }

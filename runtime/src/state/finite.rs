@@ -101,7 +101,8 @@ pub enum Numbers {
 }
 
 impl Numbers {
-    /// Returns the type of the numbers of a value whose parts have the types `parts`.
+    /// Combines the number types of the parts of a value: the common type if all are equal, otherwise
+    /// [`Mixed`](Self::Mixed).
     ///
     /// ```
     /// use motorium::state::Numbers;

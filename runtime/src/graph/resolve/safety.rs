@@ -49,7 +49,7 @@ pub(super) fn resolve(
             report
                 .error(format!("`stop_within` of component `{}` is longer than {LONGEST_STOP}", draft.name))
                 .label(&at.span, "the end of a run could last this long")
-                .advise("write long output while it runs, not in `stop`");
+                .advise("let the component write long output while it runs, not in `stop`");
         }
     }
     for restart in drafts.iter().filter_map(|draft| good(&draft.table.restart)) {

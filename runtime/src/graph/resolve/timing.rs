@@ -185,7 +185,7 @@ fn without_grid(draft: &Draft<'_, '_>, report: &mut Report) {
         _ => return,
     };
     report
-        .error(format!("component `{}` has no releases to {name}", draft.name))
+        .error(format!("component `{}` has no periodic releases for `{name}`", draft.name))
         .label(&policy.span, why)
         .and(place, format!("{label}; values that arrive during a step cause a single wake-up"))
         .advise("leave `on_overrun` out, or choose skip, hold or safe_stop");
