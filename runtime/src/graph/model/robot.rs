@@ -28,9 +28,9 @@ pub(in crate::graph) struct RobotTable {
     /// Pose of the robot's base in the world. Default: the origin or, for a floating base, the pose in the
     /// profile.
     pub base: Option<At<BaseTable>>,
-    /// Moving joints, by name, or end effectors of the profile, whose joints then all move. The other joints
-    /// are held in the `start` pose, or at their position in `fixed`, and are not part of states and
-    /// commands. Default: all joints except those in `fixed`.
+    /// Moving joints: names of joints, or names of end effectors in the profile, which stand for the joints
+    /// that move them. The other joints are held in the `start` pose, or at their position in `fixed`, and
+    /// are not part of states and commands. Default: all joints except those in `fixed`.
     pub joints: Option<At<Vec<At<String>>>>,
     /// Positions at which joints are held (rad or m), by joint name. Default: none.
     pub fixed: Option<At<Named<Number>>>,
