@@ -219,7 +219,7 @@ pub struct Failure {
     pub tick: u64,
     /// Cause of the failure.
     pub end: End,
-    /// Text of the error or panic; empty if the cause says everything.
+    /// Text of the error or panic; empty for causes that need no text.
     pub text: String,
 }
 

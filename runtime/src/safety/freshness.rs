@@ -64,7 +64,7 @@ pub enum Age {
     Refused(Refusal),
 }
 
-/// Checks stamps for age, future times and order.
+/// Checks the stamps of commands for age, for times in the future, and for order.
 #[derive(Debug, Clone, Copy)]
 pub struct Freshness {
     /// A command published longer ago than this is stale, ns.
@@ -75,7 +75,7 @@ pub struct Freshness {
 }
 
 impl Freshness {
-    /// Creates a check that has seen no command.
+    /// Creates a check that has not seen any command yet.
     pub fn new(stale_after_ns: u64, source_stale_after_ns: u64) -> Self {
         Self { stale_after_ns, source_stale_after_ns, last: None }
     }

@@ -40,8 +40,8 @@ crate::state_buffer! {
     /// Pose and velocity of a robot's base. Together with the joint state it is the complete state of a
     /// floating-base robot.
     ///
-    /// Position and orientation are the base's part of `q` in `motorium-robots`; the linear, then the angular
-    /// velocity are its part of `v`.
+    /// Position and orientation are the base's part of `q` in `motorium-robots`. The linear velocity followed
+    /// by the angular velocity is the base's part of `v`.
     pub struct BaseState as "motorium.BaseState" {
         /// Position of the base frame's origin in the world, m.
         pub position: [f64; 3],

@@ -47,7 +47,10 @@ fn long_enough(draft: &Draft<'_, '_>, at: &At<TimeSpan>, period_ns: u64, report:
     let Some(time) = at.get().filter(|time| time.ns < 2 * period_ns || time.ns == 0) else { return };
     let period = TimeSpan { ns: period_ns };
     report
-        .error(format!("`hang_after` is {time}, and component `{}` has a period of {period}", draft.name))
+        .error(format!(
+            "`hang_after` is {time}, and two periods of component `{}` are longer ({period} each)",
+            draft.name
+        ))
         .label(&at.span, "shorter than two periods")
         .and(&draft.place, "would count as hung while it waits for its next release")
         .advise(format!("write `{}` or more", TimeSpan { ns: (2 * period_ns).max(1_000_000) }));
