@@ -1,10 +1,10 @@
-//! Suggests the known name nearest to a misspelt one: "did you mean ...?".
+//! Suggestions for misspelt names: "did you mean ...?".
 
 /// Maximum length of a compared word, in bytes: longer words are not typing errors and are expensive to
 /// compare.
 const LONGEST: usize = 256;
 
-/// Returns the known name most similar to `written`, if it is similar enough.
+/// Returns the known name that is most similar to `written`, or `None` if none is similar enough.
 pub fn nearest<'a>(written: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     if written.len() > LONGEST {
         return None;
@@ -45,7 +45,8 @@ pub fn list<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
     names.into_iter().map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ")
 }
 
-/// Returns "did you mean" with the nearest name, or else all known names after `otherwise`.
+/// Returns "did you mean" with the most similar name. If none is similar enough, returns `otherwise` followed
+/// by all known names.
 pub fn suggest<'a>(
     written: &str,
     known: impl IntoIterator<Item = &'a str> + Clone,

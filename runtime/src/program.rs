@@ -1,4 +1,4 @@
-//! The program of a component: its `main`, as started by the launcher and the user.
+//! The program of a component: its `main` function, as called by the launcher and by users.
 
 use std::io::{Read as _, Write as _};
 use std::process::ExitCode;
@@ -12,28 +12,28 @@ use crate::worker::{
     KindsAnswer, Outcome, WORKER, Worker, declare_dynamic, run_dynamic,
 };
 
-/// A request of motorium to a program, parsed from its arguments.
+/// A request of motorium to a component's program, parsed from its arguments.
 #[derive(Debug)]
 pub enum Program {
     /// Describe its component.
     Describe,
-    /// Report the hosted kinds of components.
+    /// List the kinds of components that the program contains.
     Kinds,
-    /// Guard a run.
+    /// Guard this run.
     Guard(RunFolder),
-    /// Release the resources of a run's dead processes.
+    /// Free the slots that dead processes of this run occupy.
     Cleaner(RunFolder),
-    /// Run a component of a run.
+    /// Run one component of a run.
     Worker {
-        /// The run's folder.
+        /// Folder of the run.
         folder: RunFolder,
-        /// The component's name in the graph.
+        /// Name of the component in the graph.
         component: String,
     },
 }
 
 impl Program {
-    /// Parses a program's arguments; `None` if they are not motorium's.
+    /// Parses the arguments of a program. Returns `None` if they are not a request of motorium.
     pub fn from_arguments(arguments: &[String]) -> Option<Self> {
         match arguments {
             [_, first] if first == DESCRIBE => Some(Self::Describe),
@@ -48,7 +48,7 @@ impl Program {
     }
 }
 
-/// The `main` of a program with one component; use [`main!`](crate::main).
+/// Implements `main` for a program with one component. Use [`main!`](crate::main) to call it.
 pub fn main(kind: &Kind) -> ExitCode {
     let arguments: Vec<String> = std::env::args().collect();
     match Program::from_arguments(&arguments) {
@@ -61,11 +61,12 @@ pub fn main(kind: &Kind) -> ExitCode {
     }
 }
 
-/// The `main` of a program with one component whose kind, ports and configuration are only known at run time.
+/// Implements `main` for a program with one component whose kind, ports and configuration are only known at
+/// run time.
 ///
-/// Like a program made with [`main!`](crate::main), it describes itself to `motorium check` and runs as a
-/// process of a graph that names it by `exec`. Its allocations are not counted unless its global allocator is
-/// [`CountingAllocator`](crate::telemetry::CountingAllocator).
+/// Like a program made with [`main!`](crate::main), the program describes itself to `motorium check` and runs
+/// as a process of a graph that names it by `exec`. Its allocations are only counted if its global allocator
+/// is [`CountingAllocator`](crate::telemetry::CountingAllocator).
 pub fn main_of(component: impl DynamicComponent) -> ExitCode {
     let arguments: Vec<String> = std::env::args().collect();
     match Program::from_arguments(&arguments) {
@@ -90,7 +91,7 @@ pub fn main_of(component: impl DynamicComponent) -> ExitCode {
     }
 }
 
-/// Prints how to use a program with one component.
+/// Prints the usage of a program with one component.
 fn introduce(arguments: &[String], kind: &str, summary: &str) -> ExitCode {
     eprintln!(
         "{} is a motorium component ({kind}: {summary}).\nName it in a graph file, `exec = \"PATH\"`, and start that \
@@ -100,7 +101,8 @@ fn introduce(arguments: &[String], kind: &str, summary: &str) -> ExitCode {
     ExitCode::from(2)
 }
 
-/// The `main` of a program that hosts several kinds for `motorium`; use [`host!`](crate::host).
+/// Implements `main` for a program that hosts several kinds for `motorium`. Use [`host!`](crate::host) to
+/// call it.
 pub fn host(kinds: &[Kind]) -> ExitCode {
     let arguments: Vec<String> = std::env::args().collect();
     match Program::from_arguments(&arguments) {
@@ -126,7 +128,7 @@ pub fn host(kinds: &[Kind]) -> ExitCode {
     }
 }
 
-/// Answers a request for the kinds that the program hosts: JSON on standard output.
+/// Prints the kinds of components that the program hosts, as JSON on standard output.
 pub fn list(kinds: &[Kind]) -> ExitCode {
     list_answers(kinds.iter().map(KindAnswer::from_kind).collect())
 }
@@ -153,11 +155,11 @@ fn guard(folder: &RunFolder) -> ExitCode {
 /// Fails, because only programs with a launcher can guard a run.
 #[cfg(not(feature = "launcher"))]
 fn guard(folder: &RunFolder) -> ExitCode {
-    eprintln!("this program has no launcher, and guards no run ({})", folder.id());
+    eprintln!("this program has no launcher and cannot guard the run {}", folder.id());
     ExitCode::from(2)
 }
 
-/// Releases the resources of a run's dead processes.
+/// Frees the slots that dead processes of a run occupy.
 pub fn clean(folder: &RunFolder) -> ExitCode {
     crate::domain::quieten();
     match folder.domain() {
@@ -169,8 +171,8 @@ pub fn clean(folder: &RunFolder) -> ExitCode {
     }
 }
 
-/// Answers a request for a component's description: JSON on standard input and output. A program with one
-/// kind needs no kind in the request.
+/// Answers a request to describe a component: JSON on standard input and output. If the program hosts only
+/// one kind, the request need not name it.
 pub fn describe(kinds: &[Kind]) -> ExitCode {
     answer(|request| {
         let wanted = match (&request.kind, kinds) {
@@ -201,7 +203,7 @@ fn answer(describe: impl FnOnce(&DescribeRequest) -> Option<Result<Declaration, 
     let request = match request {
         Ok(request) => request,
         Err(error) => {
-            eprintln!("no request to describe on standard input: {error}");
+            eprintln!("no valid request on standard input: {error}");
             return ExitCode::from(2);
         }
     };
@@ -217,7 +219,8 @@ fn answer(describe: impl FnOnce(&DescribeRequest) -> Option<Result<Declaration, 
     print(&DescribeAnswer { motorium, memory: crate::region::layout_digest(), declaration, error })
 }
 
-/// Runs one component of a run in this process; `kinds` finds the component's type.
+/// Runs one component of a run in this process. `kinds` returns the component's type, or `None` if the
+/// program does not host it.
 pub fn run_worker(
     folder: &RunFolder,
     component: &str,

@@ -6,7 +6,7 @@ use std::borrow::Cow;
 
 use serde::{Deserialize, Deserializer, Serialize};
 
-/// A time span in whole nanoseconds. Users write it with a unit.
+/// A time span in whole nanoseconds. In files and arguments it is text with a unit, such as `"200 us"`.
 ///
 /// ```
 /// use motorium::units::TimeSpan;
@@ -22,7 +22,7 @@ use serde::{Deserialize, Deserializer, Serialize};
 /// ```
 #[derive(Debug, Default, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct TimeSpan {
-    /// Nanoseconds.
+    /// Duration in nanoseconds.
     pub ns: u64,
 }
 
@@ -39,7 +39,7 @@ impl From<TimeSpan> for std::time::Duration {
     }
 }
 
-/// A rate, stored as its period.
+/// A rate, stored as its period. In files and arguments it is text with a unit, such as `"1 kHz"`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Rate {
     /// Time between two releases, rounded to whole nanoseconds.
@@ -50,9 +50,9 @@ pub struct Rate {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{found}; {expected}")]
 pub struct UnitError {
-    /// Found value, as the end of the sentence "`rate` ...".
+    /// Found value, as the end of a sentence that begins with the name of the key.
     pub found: String,
-    /// Expected values, with advice.
+    /// Expected values, with advice on how to write them.
     pub expected: String,
 }
 
@@ -90,7 +90,7 @@ impl core::str::FromStr for TimeSpan {
         if scaled % power != 0 {
             return Err(UnitError {
                 found: format!("is \"{text}\", which is not a whole number of nanoseconds"),
-                expected: "a nanosecond is the smallest step of time here".into(),
+                expected: "the smallest unit of time is 1 ns".into(),
             });
         }
         let ns = u64::try_from(scaled / power).map_err(|_| too_long(text))?;

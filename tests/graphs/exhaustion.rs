@@ -65,7 +65,7 @@ fn too_few_descriptors_are_named_and_nothing_is_left_behind() {
 fn files_that_may_not_grow_are_named_before_anything_is_made() {
     let _machine = machine();
     for blocks in [0, 1, 10, 100] {
-        assert!(!limited(&format!("ulimit -f {blocks}"), &["the size of files"]));
+        assert!(!limited(&format!("ulimit -f {blocks}"), &["the limit on file sizes"]));
     }
 }
 
@@ -215,7 +215,7 @@ fn too_little_shared_memory_is_named_before_the_start() {
         let output = with_shared_memory("16m", files, RUN);
         let text = text(&output);
         assert_eq!(output.status.code(), Some(1), "{files} files: {text}");
-        assert!(text.contains("may be made in /dev/shm"), "{files} files: {text}");
+        assert!(text.contains("can be created in /dev/shm"), "{files} files: {text}");
     }
 }
 

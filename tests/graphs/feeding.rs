@@ -47,7 +47,7 @@ fn an_outside_value_reaches_only_the_topic_of_its_bridge() {
     let text = refused("panda/target", "position=[0, 0, 0] orientation=[3, 0, 0, 0]");
     assert!(text.contains("`orientation` has the length 3.000, expected 1"), "{text}");
     let text = refused("panda/target", "position=[0, 0, inf]");
-    assert!(text.contains("`position` is inf, expected f64, finite"), "{text}");
+    assert!(text.contains("`position` is inf, expected a finite f64"), "{text}");
     let rows = json(&["topic", "list", "--run", &id, "--json"]);
     let writer = |name: &str| {
         let row = rows.as_array().unwrap().iter().find(|row| row["name"] == name).unwrap();

@@ -59,7 +59,8 @@ fn a_stopped_component_leads_to_the_safe_state() {
     assert_eq!(ended.code, Some(4), "{}", ended.stderr);
     let reason = reason(ended.report());
     assert!(
-        reason.contains("`controller`") && reason.contains("(`hang_after` is 200 ms): it was stopped"),
+        reason.contains("`controller`")
+            && reason.contains("(`hang_after` is 200 ms): its thread was stopped"),
         "{reason}"
     );
     assert!(ended.stderr.contains("all actuators in their safe state"), "{}", ended.stderr);
@@ -77,7 +78,7 @@ fn a_step_that_never_ends_is_reported_and_follows_the_policy() {
     let (_folder, graph) = faulty("{ fault = \"hang\", at = 200, once = true }", settings);
     let ended = run(&graph, &["--for", "2 s"]);
     assert_eq!((ended.code, &ended.report().exit), (Some(0), &Exit::Finished), "{}", ended.stderr);
-    for message in ["`faulty` at tick 200: hung: its step has not ended after", "(`hang_after` is 60 ms)"] {
+    for message in ["`faulty` at tick 200: hung: step still running after", "(`hang_after` is 60 ms)"] {
         assert!(ended.stderr.contains(message), "{}", ended.stderr);
     }
 }

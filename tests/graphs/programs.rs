@@ -76,7 +76,7 @@ fn misspelt_key_of_a_program_is_underlined_in_place() {
 #[test]
 fn program_without_components_is_reported() {
     let (success, _, errors) = motorium(&["kinds", "--exec", "/bin/true"]);
-    assert!(!success && errors.contains("does not answer `motorium-kinds` as a component does"), "{errors}");
+    assert!(!success && errors.contains("gave an invalid answer to `motorium-kinds`"), "{errors}");
     assert!(errors.contains("motorium::main!"), "{errors}");
 }
 

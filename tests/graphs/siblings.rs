@@ -129,8 +129,7 @@ fn a_missing_program_is_named_with_its_installation() {
         text.contains("kind `bridge.push` belongs to the program `motorium-bridges`, which is not installed")
             && text.contains("graph.toml:4:8")
             && text.contains("`motorium-bridges` is neither in FOLDER nor on PATH")
-            && text
-                .contains("motorium comes without one; `motorium::host!` makes a program `motorium-bridges`"),
+            && text.contains("motorium does not include it; build a program `motorium-bridges`"),
         "{text}"
     );
     installed.graph("bridge.iceoryx", "");
@@ -172,7 +171,7 @@ fn a_program_of_another_version_or_layout_is_refused() {
     installed.script("motorium-bridges", "echo '{\"motorium\":\"0.0.7\",\"memory\":\"\",\"kinds\":[]}'");
     let text = installed.complaint();
     assert!(
-        text.contains("was built with motorium 0.0.7, this is motorium VERSION")
+        text.contains("was built with motorium 0.0.7, expected motorium VERSION")
             && text.contains("graph.toml:4:8")
             && text.contains("build it again with motorium VERSION"),
         "{text}"
@@ -181,11 +180,14 @@ fn a_program_of_another_version_or_layout_is_refused() {
     let answer = format!("{{\"motorium\":\"{version}\",\"memory\":\"0123\",\"kinds\":[]}}");
     installed.script("motorium-bridges", &format!("echo '{answer}'"));
     let text = installed.complaint();
-    assert!(text.contains("has another layout of shared memory than this motorium VERSION"), "{text}");
+    assert!(
+        text.contains("lays out shared memory differently from this build of motorium VERSION"),
+        "{text}"
+    );
     installed.script("motorium-bridges", "echo 'what is motorium?' >&2; exit 3");
     let text = installed.complaint();
     assert!(
-        text.contains("does not answer `motorium-kinds`") && text.contains("what is motorium?"),
+        text.contains("gave an invalid answer to `motorium-kinds`") && text.contains("what is motorium?"),
         "{text}"
     );
 }

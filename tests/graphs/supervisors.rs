@@ -226,7 +226,11 @@ fn a_dead_actuator_is_named_and_not_certified() {
     kill(run.launcher());
     await_end(guard);
     let ended = run.finish();
-    assert!(ended.stderr.contains("`physics` was not there to reach its safe state"), "{}", ended.stderr);
+    assert!(
+        ended.stderr.contains("`physics` had no process that could reach its safe state"),
+        "{}",
+        ended.stderr
+    );
 }
 
 #[test]

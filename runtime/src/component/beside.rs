@@ -5,12 +5,13 @@ use std::os::fd::AsFd;
 use super::{ConfigureError, Setup, StopRequest};
 
 impl Setup {
-    /// Starts a helper thread for work that must not be done in a step: printing, files, slow devices.
+    /// Starts a helper thread for work that must not run in a step, such as printing, file access or slow
+    /// devices.
     ///
     /// The thread runs at normal priority on the shared cores of the graph, under `name` (1 to 15 bytes). Its
-    /// allocations do not count as allocations in steps. After the component has stopped, the thread
-    /// receives a stop request and is joined. The request also interrupts a [`wait`](StopRequest::wait) or a
-    /// blocking system call. The thread must end within half of the component's `stop_within`.
+    /// allocations do not count as allocations in steps. After the component has stopped, the thread receives
+    /// a stop request and is joined. The request also interrupts a [`wait`](StopRequest::wait) or a blocking
+    /// system call. The thread must end within half of the component's `stop_within`.
     ///
     /// ```
     /// use motorium::prelude::*;
@@ -42,12 +43,12 @@ impl Setup {
         self.helpers.start(name, cores, run)
     }
 
-    /// Sets the file descriptor, such as a socket or a bus, that releases the steps of this component. It has
-    /// no effect unless the graph has `activate = { on = "fd", ... }`. The component must declare
+    /// Sets the file descriptor, such as a socket or a bus, that releases the steps of this component. Only
+    /// used if the graph sets `activate = { on = "fd", ... }`. The component must declare
     /// [`wakes_on_descriptor`](crate::declare::Declare::wakes_on_descriptor).
     ///
-    /// A step is released while the descriptor is readable: the step reads the available data without
-    /// waiting. Unread data release another step.
+    /// A step is released while the descriptor is readable. It should read all available data without
+    /// waiting, because unread data release another step.
     ///
     /// ```
     /// use motorium::prelude::*;

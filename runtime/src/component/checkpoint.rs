@@ -7,14 +7,14 @@ use crate::context::Context;
 use crate::region::CHECKPOINT_BYTES;
 
 impl Setup {
-    /// Opens a checkpoint: memory for `numbers` values that survives a crash of this component.
+    /// Opens a checkpoint: memory for `numbers` values of type `f64` that survives a crash of this component.
     ///
     /// # Errors
     /// `numbers` exceeds the capacity of a checkpoint.
     pub fn checkpoint(&self, numbers: usize) -> Result<Checkpoint, ConfigureError> {
         if numbers * 8 > CHECKPOINT_BYTES {
             return Err(ConfigureError::failed(format!(
-                "a checkpoint of {numbers} numbers, expected at most {}",
+                "the checkpoint has {numbers} numbers, expected at most {}",
                 CHECKPOINT_BYTES / 8
             )));
         }
@@ -22,7 +22,8 @@ impl Setup {
     }
 }
 
-/// Numbers that survive a crash of their component: saved at a step, loaded after a restart.
+/// Numbers that survive a crash of their component. A step saves them, and the restarted component loads
+/// them.
 ///
 /// ```
 /// use motorium::prelude::*;
@@ -46,8 +47,9 @@ pub struct Checkpoint {
 }
 
 impl Checkpoint {
-    /// Saves the numbers; their count is fixed at construction. If the process is killed during a save, the
-    /// previous numbers remain.
+    /// Saves the numbers, as many as the checkpoint was opened for. Additional numbers are ignored, and
+    /// missing ones keep their previous values. If the process is killed during a save, the previous numbers
+    /// remain.
     pub fn save(&mut self, numbers: impl IntoIterator<Item = f64>) {
         for (word, number) in self.words.iter_mut().zip(numbers) {
             *word = number.to_bits();
@@ -55,8 +57,8 @@ impl Checkpoint {
         self.context.block().checkpoint.save(self.words.iter().copied());
     }
 
-    /// Returns the numbers saved before the component restarted, or `None` at its first start or if a number
-    /// is not finite.
+    /// Returns the numbers that were saved before the component restarted. Returns `None` at the first start
+    /// and if a number is not finite.
     pub fn resume(&mut self) -> Option<Vec<f64>> {
         if self.context.restart_count() == 0 || !self.context.block().checkpoint.load(&mut self.words) {
             return None;

@@ -7,11 +7,11 @@ use crate::context::Context;
 use crate::declare::ClockKind;
 use crate::region::Command;
 
-/// The clock of a run: reads the current time on the clock of [`Tick::time_ns`] and converts it to the clock
+/// The clock of a run. Reads the current time on the clock of [`Tick::time_ns`] and converts it to the clock
 /// of stamps.
 ///
-/// An anytime algorithm reads it between iterations. In lockstep, time does not advance within a step, so the
-/// number of iterations needs its own bound, which also makes it reproducible:
+/// An anytime algorithm reads the clock between iterations. In lockstep, time does not advance within a step.
+/// The number of iterations therefore needs a separate bound, which also makes the result reproducible:
 ///
 /// ```
 /// use motorium::component::RunClock;
@@ -45,30 +45,30 @@ impl RunClock {
     }
 
     /// Returns the current time, ns since the start of the run or episode, on the clock of [`Tick::time_ns`].
-    /// In lockstep it is the time of the step.
+    /// In lockstep this is the time of the step.
     #[inline]
     pub fn now_ns(&self) -> u64 {
         let clock = self.context.clock();
         clock.now_ns().saturating_sub(clock.start_ns())
     }
 
-    /// Returns the time for which a step computes, aligned to the rate, ns on the clock of [`Tick::time_ns`].
-    /// For a component triggered by a publication this is the time of the state read, from
-    /// [`Reading::time_ns`](crate::transport::Reading::time_ns), otherwise the time of the tick. Differences
-    /// between steps do not depend on how late the steps run.
+    /// Returns the time for which a step computes, on the grid of the rate, ns on the clock of
+    /// [`Tick::time_ns`]. For a component triggered by a publication this is `state_ns`, the time of the
+    /// state it read, from [`Reading::time_ns`](crate::transport::Reading::time_ns). For other components it
+    /// is the time of the tick. Differences between steps do not depend on how late the steps run.
     #[inline]
     pub fn grid_ns(&self, tick: &Tick, state_ns: u64) -> u64 {
         if self.context.causality().is_triggered() { state_ns } else { tick.time_ns }
     }
 
-    /// Returns the time left until the deadline of a step, ns; 0 after the deadline.
+    /// Returns the time remaining until the deadline of a step, ns; 0 after the deadline.
     #[inline]
     pub fn left_ns(&self, tick: &Tick) -> u64 {
         tick.deadline_ns.saturating_sub(self.now_ns())
     }
 
-    /// Converts a time on the clock of [`Tick::time_ns`] to the clock of [`Stamp`](crate::state::Stamp)s, ns,
-    /// for [`Loan::publish_from`](crate::transport::Loan::publish_from).
+    /// Converts a time on the clock of [`Tick::time_ns`] to the clock of [`Stamp`](crate::state::Stamp)s, ns.
+    /// Use it for [`Loan::publish_from`](crate::transport::Loan::publish_from).
     #[inline]
     pub fn stamp_ns(&self, time_ns: u64) -> u64 {
         self.context.clock().start_ns().saturating_add(time_ns)
@@ -81,8 +81,9 @@ impl RunClock {
         self.context.region().header().latched().is_some()
     }
 
-    /// Returns `true` if the run has ended and actuators enter their safe state. [`Tick::settling`] is the
-    /// value at the start of the step; the two may differ in a step that waits for other components.
+    /// Returns `true` if the run has ended and actuators enter their safe state. Unlike [`Tick::settling`],
+    /// which has the value at the start of the step, this changes within a step that waits for other
+    /// components.
     #[inline]
     pub fn is_settling(&self) -> bool {
         self.context.region().header().command() != Command::Run

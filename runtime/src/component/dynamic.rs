@@ -1,16 +1,16 @@
-//! Components whose kind, ports and configuration are known at run time only.
+//! Components whose kind, ports and configuration are only known at run time.
 
 use serde_json::Value;
 
 use super::{ConfigureError, Episode, Setup, Tick};
 use crate::declare::{ConfigError, Declare, StepError};
 
-/// A component as an object, for programs that run scripts and for bindings to other languages, which have no
-/// Rust type for each component.
+/// A component as a trait object, for programs that run scripts and for bindings to other languages, which
+/// have no Rust type for each component.
 ///
-/// Its methods are the methods of [`Component`](super::Component). Its configuration is JSON, its ports are
-/// usually from [`raw`](crate::raw), and it declares by [`Declare::resets`] that it can be reset.
-/// `program::main_of` is the `main` of its program, which a graph names by `exec`.
+/// It has the methods of [`Component`](super::Component), with JSON as configuration. Ports are usually
+/// from [`raw`](crate::raw). [`Declare::resets`] declares that the component can be reset. `program::main_of`
+/// is the `main` function of its program, which a graph names by `exec`.
 ///
 /// ```no_run
 /// use motorium::component::{ConfigureError, DynamicComponent, Setup, Tick};
@@ -54,13 +54,13 @@ use crate::declare::{ConfigError, Declare, StepError};
 /// }
 /// ```
 pub trait DynamicComponent: 'static {
-    /// Returns the name of its kind, `family.name`, for messages and lists.
+    /// Returns the component's kind, `family.name`, for messages and lists.
     fn kind(&self) -> &str;
 
     /// Returns a one-line summary for lists.
     fn summary(&self) -> &str;
 
-    /// Returns the JSON Schema (draft 7) of its `config` table. The default accepts any table.
+    /// Returns the JSON Schema (draft 7) of the `config` table. The default schema accepts any table.
     fn schema(&self) -> Value {
         serde_json::json!({ "type": "object" })
     }
@@ -68,40 +68,40 @@ pub trait DynamicComponent: 'static {
     /// Declares ports and parameters, and checks the `config` table.
     ///
     /// # Errors
-    /// The configuration is invalid; the graph is rejected before anything starts.
+    /// The configuration is invalid. The graph is then rejected before anything starts.
     fn declare(&self, config: &Value, declare: &mut Declare) -> Result<(), ConfigError>;
 
-    /// Opens the ports and allocates all memory that it will ever need. Called once.
+    /// Opens the ports and allocates all memory that the component will need. Called once.
     ///
     /// # Errors
-    /// The component cannot run.
+    /// The component cannot run with this configuration or on this machine.
     fn configure(&mut self, config: Value, setup: &mut Setup) -> Result<(), ConfigureError>;
 
-    /// Computes one step, with the rules of [`Component::step`](super::Component::step).
+    /// Computes one step. The rules of [`Component::step`](super::Component::step) apply.
     ///
     /// # Errors
-    /// The step failed; the policy `on_error` of the graph file decides on the consequence.
+    /// The step failed. The policy `on_error` in the graph file decides on the consequence.
     fn step(&mut self, tick: &Tick) -> Result<(), StepError>;
 
-    /// Resets to the state after [`configure`](Self::configure) for a new episode, if it declared that it can
-    /// be reset.
+    /// Resets to the state after [`configure`](Self::configure) for a new episode. Only called if the
+    /// component declared [`Declare::resets`].
     ///
     /// # Errors
-    /// The component cannot continue; the run ends.
+    /// The component cannot continue. The run then ends.
     fn reset(&mut self, _: &Episode) -> Result<(), StepError> {
         Err(StepError::failed("it cannot be reset"))
     }
 
-    /// Begins an episode in real time, as [`Component::begin_episode`](super::Component::begin_episode).
+    /// Begins an episode in real time, like [`Component::begin_episode`](super::Component::begin_episode).
     ///
     /// # Errors
-    /// The component cannot begin the episode; the policy `on_error` of the graph file decides on the
+    /// The component cannot begin the episode. The policy `on_error` in the graph file decides on the
     /// consequence.
     fn begin_episode(&mut self, _: &Episode) -> Result<(), StepError> {
         Ok(())
     }
 
-    /// Called once when the run ends in an orderly way.
+    /// Called once at the end of the run, unless the process is killed.
     fn stop(&mut self) {}
 
     /// Returns the component's entry under `results` in the report of the finished run.

@@ -18,7 +18,7 @@ pub enum ConfigureError {
 }
 
 impl ConfigureError {
-    /// Returns the message, followed by the advice if there is any.
+    /// Returns the message, followed by the advice if the error has one.
     pub(crate) fn with_advice(&self) -> String {
         match self {
             Self::Config(ConfigError { advice: Some(advice), .. }) => format!("{self}; {advice}"),
@@ -26,7 +26,7 @@ impl ConfigureError {
         }
     }
 
-    /// Creates an error with a message.
+    /// Creates an error with this message.
     pub fn failed(message: impl core::fmt::Display) -> Self {
         Self::Failed(message.to_string())
     }

@@ -15,7 +15,7 @@ const INTERRUPT_EVERY: Duration = Duration::from_millis(1);
 /// Longest name of a thread, bytes.
 const LONGEST_NAME: usize = 15;
 
-/// A helper thread's view of the stop request.
+/// Stop request of a component, as seen by its helper threads.
 ///
 /// ```
 /// use motorium::component::StopRequest;
@@ -38,8 +38,8 @@ impl StopRequest {
         self.0.load(Acquire)
     }
 
-    /// Sleeps for `time` or until the component stops; returns `true` if it stops. May return early, like
-    /// [`park_timeout`](std::thread::park_timeout).
+    /// Sleeps for `time`, or until the component stops. Returns `true` if the component stops. May return
+    /// early, like [`park_timeout`](std::thread::park_timeout).
     pub fn wait(&self, time: Duration) -> bool {
         if !self.is_made() {
             std::thread::park_timeout(time);
@@ -52,7 +52,7 @@ impl StopRequest {
 #[derive(Debug, Default)]
 pub(crate) struct Helpers {
     threads: Vec<Helper>,
-    /// Time each thread has to stop.
+    /// Maximum time for each thread to stop.
     within: Duration,
 }
 
@@ -65,7 +65,7 @@ struct Helper {
 }
 
 impl Helpers {
-    /// Creates an empty set whose helpers must stop within this time.
+    /// Creates an empty set of helpers. Each helper must stop within this time.
     pub(crate) fn stopping_within(within: Duration) -> Self {
         Self { threads: Vec::new(), within }
     }
@@ -79,7 +79,7 @@ impl Helpers {
     ) -> Result<(), ConfigureError> {
         if name.is_empty() || name.len() > LONGEST_NAME || name.contains('\0') {
             return Err(ConfigureError::failed(format!(
-                "a helper named {name:?}: the kernel takes names of 1 to {LONGEST_NAME} bytes"
+                "the helper name {name:?} is not valid, expected 1 to {LONGEST_NAME} bytes without NUL"
             )));
         }
         // Without a handler the interrupt would terminate the process.
@@ -99,7 +99,7 @@ impl Helpers {
         })?;
         let kernel_id = receiver
             .recv()
-            .map_err(|_| ConfigureError::failed(format!("helper `{name}` ended before it began")))?;
+            .map_err(|_| ConfigureError::failed(format!("helper `{name}` ended while it was starting")))?;
         self.threads.push(Helper { name: name.to_string(), stop, kernel_id, thread });
         Ok(())
     }
@@ -124,7 +124,7 @@ impl Helpers {
             }
             let name = &helper.name;
             if !helper.thread.is_finished() {
-                result = Err(format!("its helper `{name}` has not stopped within {:?}", self.within));
+                result = Err(format!("its helper `{name}` did not stop within {:?}", self.within));
             } else if helper.thread.join().is_err() {
                 result = Err(format!("its helper `{name}` panicked"));
             }
@@ -194,7 +194,7 @@ mod tests {
         let (sender, receiver) = unbounded::<()>();
         helpers.start("deaf", vec![0], move |_| while receiver.recv().is_ok() {}).unwrap();
         assert!(helpers.start("a-name-that-is-too-long", vec![0], |_| ()).is_err());
-        assert_eq!(helpers.stop(), Err("its helper `deaf` has not stopped within 20ms".to_string()));
+        assert_eq!(helpers.stop(), Err("its helper `deaf` did not stop within 20ms".to_string()));
         drop(sender);
     }
 }

@@ -1,4 +1,4 @@
-//! The component trait and its configuration. Start reading here.
+//! The component trait and its configuration. Start here.
 //!
 //! A component declares its ports and parameters, is configured once, and is then stepped. The same type runs
 //! unchanged as a separate process or hosted with others in one process, in real time or in lockstep.
@@ -33,8 +33,8 @@ pub use weights::{TakeWeights, WeightsInput};
 
 use std::time::Duration;
 
-/// One step of a component: its index and the time for which it computes. That time differs from the time at
-/// which the step runs.
+/// One step of a component: its index and the time for which it computes, which is not the time at which it
+/// runs.
 ///
 /// ```
 /// use motorium::component::Tick;
@@ -45,28 +45,29 @@ use std::time::Duration;
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Tick {
-    /// Index of the step since the last reset or the start of the run, from 0. Restarts of the component and
+    /// Index of the step since the start of the run or the last reset, from 0. Restarts of the component and
     /// new episodes in real time do not reset it.
     pub index: u64,
-    /// Time for which the step computes, ns since the run began, or since the last reset in lockstep. This is
-    /// the scheduled release of a time-triggered component, the publish time of the sample that woke a
-    /// triggered component, or the arrival of the event that released a sporadic component.
+    /// Time for which the step computes, ns since the start of the run or, in lockstep, since the last reset.
+    /// For a time-triggered component this is its scheduled release, for a triggered component the publish
+    /// time of the sample that woke it, and for a sporadic component the arrival of the event that released
+    /// it.
     pub time_ns: u64,
-    /// Deadline of the step, ns on the clock of `time_ns`: one period later, when the next step of a
-    /// time-triggered component is due. The value is the same in lockstep, where no step is ever late because
-    /// time does not advance within a step. [`RunClock::left_ns`] returns the remaining time.
+    /// Deadline of the step, ns on the clock of `time_ns`. It is one period after `time_ns`, when the next
+    /// step of a time-triggered component is due. The value is the same in lockstep, where no step is ever
+    /// late because time does not advance within a step. [`RunClock::left_ns`] returns the remaining time.
     pub deadline_ns: u64,
-    /// Nominal time between two steps, derived from the rate. A triggered component has the period of the
-    /// component at the head of its chain, a component released by events its `min_interval`.
+    /// Nominal time between two steps, derived from the rate. For a triggered component it is the period of
+    /// the component at the head of its chain; for a component released by events it is the `min_interval`.
     pub period: Duration,
     /// Index of the episode, from 0; always 0 in a run without episodes.
     pub episode: u64,
     /// True in the first step of an episode: after [`configure`](Component::configure) at the start of the
-    /// run, after [`reset`](Component::reset) in lockstep, after [`begin_episode`](Component::begin_episode)
-    /// in real time.
+    /// run, after [`reset`](Component::reset) in lockstep, and after
+    /// [`begin_episode`](Component::begin_episode) in real time.
     pub begins_episode: bool,
-    /// True for an actuator once the run is over or stops: it brings its robot to rest. Its statistics of the
-    /// run end here. No other component steps then.
+    /// True for an actuator once the run has ended or is stopping. The actuator then brings its robot to
+    /// rest, its statistics are complete, and no other component steps.
     pub settling: bool,
 }
 
@@ -81,15 +82,17 @@ pub struct Tick {
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Episode {
-    /// Index of the episode in the run, from 0. The first one begins with the run, without a call.
+    /// Index of the episode in the run, from 0. Episode 0 begins with the run, without a call of `reset` or
+    /// `begin_episode`.
     pub index: u64,
-    /// The component's seed for the episode, derived from the episode's seed and the component's name.
-    /// [`Setup::seed`] returns the seed of the first episode.
+    /// The component's seed in this episode, derived from the episode's seed and the component's name. In the
+    /// first episode, it equals [`Setup::seed`].
     pub seed: u64,
 }
 
 impl Tick {
-    /// Creates the step `index` of a time-triggered component in the first episode, for tests of components.
+    /// Creates the tick of step `index` of a time-triggered component in the first episode. For tests of
+    /// components.
     pub fn periodic(index: u64, period: Duration) -> Self {
         let period_ns = u64::try_from(period.as_nanos()).unwrap_or(u64::MAX);
         let time_ns = index.saturating_mul(period_ns);
@@ -109,10 +112,10 @@ impl Tick {
         self.period.as_secs_f64()
     }
 
-    /// Returns the number of periods between a step for `last_ns` and a step for `now_ns`, rounded and at
-    /// least one, for components that must catch up after a delay. It is one for the first step, and after
-    /// more than [`CATCH_UP`](Self::CATCH_UP) periods, because such a gap means that the machine and its
-    /// world were suspended.
+    /// Returns the number of periods between two steps at `last_ns` and `now_ns`, rounded and not less than
+    /// 1, for components that must catch up after a delay. Returns 1 for the first step (`last_ns` is
+    /// `None`). Also returns 1 after a gap of more than [`CATCH_UP`](Self::CATCH_UP) periods, because such a
+    /// gap means that the machine and its world were suspended.
     ///
     /// ```
     /// use motorium::component::Tick;
@@ -133,7 +136,7 @@ impl Tick {
         }
     }
 
-    /// Largest number of periods to catch up.
+    /// Maximum number of periods to catch up.
     pub const CATCH_UP: u32 = 5;
 
     /// Returns the time since the start of the run, or since the last reset in lockstep, s.
@@ -142,7 +145,8 @@ impl Tick {
     }
 }
 
-/// A component of a graph.
+/// A component of a graph: a unit of a robot program that reads inputs, computes and publishes outputs in
+/// steps.
 ///
 /// ```
 /// use motorium::prelude::*;
@@ -183,7 +187,7 @@ impl Tick {
 /// }
 /// ```
 pub trait Component: Sized + 'static {
-    /// Name of this kind of component in graph files, `family.name`.
+    /// Kind of the component in graph files, `family.name`.
     const KIND: &'static str;
 
     /// One-line summary for lists and completions.
@@ -192,13 +196,13 @@ pub trait Component: Sized + 'static {
     /// `true` if the configuration has a key `world`, which defaults to the graph's `[world]`.
     const READS_WORLD: bool = false;
 
-    /// `true` if the configuration has a key `gravity` \[m/s^2\], three numbers. It defaults to the `gravity`
-    /// of the graph's `[world]`, or else to the gravity in the world's `file`, if the program can read it
-    /// (`Registry::with_gravity_of_file`).
+    /// `true` if the configuration has a key `gravity` \[m/s^2\], three numbers. The default is the `gravity`
+    /// of the graph's `[world]`. Without it, the default is the gravity in the world's `file`, if the program
+    /// can read that file (`Registry::with_gravity_of_file`).
     const READS_GRAVITY: bool = false;
 
-    /// The `config` table of the component in the graph file. Use `#[serde(deny_unknown_fields)]`, so that a
-    /// misspelt key is an error.
+    /// Type of the component's `config` table in the graph file. Use `#[serde(deny_unknown_fields)]`, which
+    /// makes misspelt keys an error.
     type Config: serde::de::DeserializeOwned + schemars::JsonSchema;
 
     /// Declares ports and parameters, and checks the configuration as far as possible without running.
@@ -208,19 +212,20 @@ pub trait Component: Sized + 'static {
     /// [`configure`](Self::configure). `motorium check` measures the time and warns above 100 ms.
     ///
     /// # Errors
-    /// The configuration is invalid; the graph is rejected before anything starts.
+    /// The configuration is invalid. The graph is then rejected before anything starts.
     fn declare(config: &Self::Config, declare: &mut Declare) -> Result<(), ConfigError>;
 
-    /// Builds the component. All memory it will ever need is allocated here.
+    /// Builds the component and allocates all memory that it will need.
     ///
     /// # Errors
-    /// The component cannot run.
+    /// The component cannot run with this configuration or on this machine.
     fn configure(config: Self::Config, setup: &mut Setup) -> Result<Self, ConfigureError>;
 
-    /// Computes one step: read inputs, compute, publish. No allocation, no lock, no log, no system call.
+    /// Computes one step: read inputs, compute, publish. A step must not allocate, lock, log or make system
+    /// calls.
     ///
     /// # Errors
-    /// The step failed; the policy `on_error` of the graph file decides on the consequence.
+    /// The step failed. The policy `on_error` in the graph file decides on the consequence.
     fn step(&mut self, tick: &Tick) -> Result<(), StepError>;
 
     /// `true` if [`reset`](Self::reset) is implemented. A graph with a component that cannot be reset runs as
@@ -228,10 +233,11 @@ pub trait Component: Sized + 'static {
     const RESETS: bool = false;
 
     /// Resets to the state after [`configure`](Self::configure) for a new episode, with the episode's seed
-    /// for random numbers. Called between two steps; publishes nothing.
+    /// for random numbers. Called between two steps. Must not publish.
     ///
-    /// Later steps must not depend on earlier ones: episodes with equal seeds are bitwise equal. Ports are
-    /// empty, as at the start, and parameters keep their values; a `CommandGate` has its own `reset`.
+    /// Steps after a reset must not depend on steps before it: episodes with equal seeds are bitwise equal.
+    /// Ports are empty, as at the start, and parameters keep their values. A `CommandGate` must be reset by
+    /// its own `reset`.
     ///
     /// ```
     /// # use motorium::prelude::*;
@@ -262,16 +268,16 @@ pub trait Component: Sized + 'static {
     /// ```
     ///
     /// # Errors
-    /// The component cannot continue; the run ends.
+    /// The component cannot continue. The run then ends.
     fn reset(&mut self, _: &Episode) -> Result<(), StepError> {
         Err(StepError::failed("it cannot be reset"))
     }
 
-    /// Begins an episode in real time, in which the robot, time and the ports continue unchanged. It is
-    /// called at the start of the first step of the episode and is part of that step, so the rules of
-    /// [`step`](Self::step) apply. It publishes nothing.
+    /// Begins an episode in real time, in which the robot, time and the ports continue unchanged. Called at
+    /// the start of the first step of the episode. The call is part of that step, so the rules of
+    /// [`step`](Self::step) apply. Must not publish.
     ///
-    /// A component restarts its task here: it starts the next movement, reseeds its random numbers, clears
+    /// A component restarts its task here: it starts the next movement, reseeds its random numbers and clears
     /// its history.
     ///
     /// ```
@@ -307,13 +313,13 @@ pub trait Component: Sized + 'static {
     /// ```
     ///
     /// # Errors
-    /// The component cannot begin the episode; the policy `on_error` of the graph file decides on the
+    /// The component cannot begin the episode. The policy `on_error` in the graph file decides on the
     /// consequence.
     fn begin_episode(&mut self, _: &Episode) -> Result<(), StepError> {
         Ok(())
     }
 
-    /// Called once when the run ends in an orderly way, but not if the process is killed.
+    /// Called once at the end of the run, unless the process is killed.
     fn stop(&mut self) {}
 
     /// Returns the component's entry under `results` in the report of the finished run.

@@ -11,9 +11,9 @@ use crate::transport::{Domain, PortError, Tap};
 use std::sync::atomic::Ordering::Relaxed;
 
 impl Setup {
-    /// Returns a view of the whole graph, for components that declared
-    /// [`taps`](crate::declare::Declare::taps), such as recorders and viewers. It may be moved to a helper
-    /// thread.
+    /// Returns a view of the whole graph. For components that declared
+    /// [`taps`](crate::declare::Declare::taps), such as recorders and viewers. The view may be moved to a
+    /// helper thread.
     ///
     /// # Errors
     /// The control block of the run cannot be mapped again.
@@ -23,7 +23,8 @@ impl Setup {
     }
 }
 
-/// A view of the whole graph from within a component: its plan, its topics by [`Tap`], its log of events.
+/// A view of the whole graph from within a component: the plan, the topics (read by [`Tap`]s) and the event
+/// log.
 ///
 /// ```
 /// use motorium::prelude::*;
@@ -51,8 +52,8 @@ impl Observer {
         &self.plan
     }
 
-    /// Opens a tap on the topic with this index in the plan. On a topic of slices, each value is the bytes of
-    /// a whole slice. The tap must stay on the thread that opened it.
+    /// Opens a tap on the topic with index `topic` in the plan. On a topic of slices, each value consists of
+    /// the bytes of a whole slice. The tap must stay on the thread that opened it.
     ///
     /// # Errors
     /// The topic cannot be opened, or already has four observers.
@@ -60,13 +61,14 @@ impl Observer {
         Tap::open(&self.domain, &self.plan.topics[topic])
     }
 
-    /// Returns the events since the last call, or all that are still available, oldest first.
+    /// Returns the events since the last call with this reader, oldest first. The first call returns all
+    /// events that are still in the log.
     pub fn events(&self, reader: &mut EventReader) -> Vec<EventRecord> {
         reader.read(self.region.events())
     }
 
-    /// Returns the time of the graph's first step on the clock of stamps, ns; 0 in lockstep and before that
-    /// step.
+    /// Returns the time of the graph's first step on the clock of stamps, ns; 0 in lockstep and before the
+    /// first step.
     pub fn start_ns(&self) -> u64 {
         match self.plan.clock {
             ClockKind::Realtime => self.region.header().start_ns.load(Relaxed),
@@ -74,8 +76,8 @@ impl Observer {
         }
     }
 
-    /// Returns `true` if the launcher died during the run. The run then counts as failed, although its guard
-    /// may not have reported it yet.
+    /// Returns `true` if the launcher died during the run. The run then counts as failed, even if its guard
+    /// has not reported the failure yet.
     pub fn is_orphaned(&self) -> bool {
         let header = self.region.header();
         let launcher = || Watch::new(header.launcher.load(Relaxed));

@@ -1,4 +1,4 @@
-//! The set-up of a component: its ports, its parameters and its position in the graph.
+//! The set-up of a component: its ports, its parameters and its wiring in the graph.
 
 use std::os::fd::OwnedFd;
 use std::path::Path;
@@ -19,10 +19,10 @@ use crate::transport::{
     Trigger,
 };
 
-/// The set-up of one component: it opens the ports and parameters that the component declared.
+/// The set-up of one component: opens the ports and parameters that the component declared.
 ///
-/// Each port is opened once, here. An unwired port can be opened, too: an input stays empty, and samples of
-/// an output are discarded.
+/// Each port is opened once, during configuration. An unwired port can be opened, too: an unwired input stays
+/// empty, and samples of an unwired output are discarded.
 ///
 /// ```
 /// use motorium::prelude::*;
@@ -61,7 +61,7 @@ pub(crate) struct Prepared {
     pub(crate) ports: Vec<Rc<dyn Connect>>,
     pub(crate) parameters: ParameterReader,
     pub(crate) trigger: Option<Trigger>,
-    /// File descriptor that releases its steps.
+    /// File descriptor that releases the component's steps.
     pub(crate) descriptor: Option<OwnedFd>,
     pub(crate) helpers: Helpers,
 }
@@ -129,16 +129,17 @@ impl Setup {
     /// Returns the robot that the graph assigns to this component.
     ///
     /// # Errors
-    /// The graph assigns no robot to the component. Check this in `declare`, too, so that `motorium check`
-    /// reports it.
+    /// The graph assigns no robot to the component. Check this in `declare`, too, to let `motorium check`
+    /// report it.
     pub fn robot(&self) -> Result<&RobotReference, ConfigureError> {
-        self.component().robot.as_ref().ok_or_else(|| {
-            ConfigureError::failed("it needs a robot: add `robot = \"NAME\"` to the component")
-        })
+        self.component()
+            .robot
+            .as_ref()
+            .ok_or_else(|| ConfigureError::failed("the component has no robot; add `robot = \"NAME\"` to it"))
     }
 
-    /// Returns the robots that the graph assigns to this component by `robots`; empty for a single `robot` or
-    /// none.
+    /// Returns the robots that the graph assigns to this component by `robots`; empty if the component has a
+    /// single `robot` or no robot.
     pub fn robots(&self) -> &[RobotReference] {
         &self.component().robots
     }
@@ -153,7 +154,7 @@ impl Setup {
         RunClock::new(self.context().clone())
     }
 
-    /// Returns the folder that relative paths in the `config` table refer to, the same as
+    /// Returns the folder that relative paths in the `config` table refer to, like
     /// [`Declare::folder`](crate::declare::Declare::folder).
     pub fn folder(&self) -> &Path {
         &self.component().folder
@@ -184,7 +185,7 @@ impl Setup {
         self.component().inputs.iter().any(|input| input.port == port && input.topic.is_some())
     }
 
-    /// Returns `true` if the component has this input.
+    /// Returns `true` if the component declared this input.
     pub(crate) fn has_input(&self, port: &str) -> bool {
         self.component().inputs.iter().any(|input| input.port == port)
     }
@@ -238,7 +239,7 @@ impl Setup {
         Ok(input)
     }
 
-    /// Opens a declared output that publishes bytes in its layout.
+    /// Opens a declared output that publishes values as bytes in the declared layout.
     ///
     /// # Errors
     /// The port is not declared, its layout cannot be checked, or its topic cannot be joined.
@@ -262,7 +263,7 @@ impl Setup {
         Ok(input)
     }
 
-    /// Opens a declared output that publishes a stream of values or slices as bytes in its layout.
+    /// Opens a declared output that publishes a stream of values or slices as bytes in the declared layout.
     ///
     /// # Errors
     /// The port is not declared or is a state, its layout cannot be checked, or its topic cannot be joined.
@@ -318,7 +319,7 @@ impl Setup {
         Ok(output)
     }
 
-    /// Opens a declared output whose name is built at run time, for example from the name of a robot.
+    /// Opens a declared output whose name is composed at run time, for example from the name of a robot.
     ///
     /// # Errors
     /// Same as [`output`](Self::output).
@@ -354,29 +355,29 @@ impl Setup {
         let declared = found.0.default.kind();
         if declared != kind {
             return Err(ConfigureError::failed(format!(
-                "parameter `{name}` was declared as {declared:?} and opened as {kind:?}"
+                "parameter `{name}` is opened as {kind:?}, expected {declared:?} as declared"
             )));
         }
         Ok(found)
     }
 
-    /// Returns the right to end episodes, for components that declared
-    /// [`may_end_episodes`](crate::declare::Declare::may_end_episodes), or `None` unless the graph sets
+    /// Returns the handle that ends episodes, for components that declared
+    /// [`may_end_episodes`](crate::declare::Declare::may_end_episodes). Returns `None` unless the graph sets
     /// `ends_episode = true`.
     pub fn episode_end(&self) -> Option<EpisodeEnd> {
         self.component().ends_episode.then(|| EpisodeEnd { context: self.context().clone() })
     }
 
-    /// Returns the right to begin episodes in real time, for components that declared
-    /// [`may_begin_episodes`](crate::declare::Declare::may_begin_episodes), or `None` unless the graph sets
-    /// `begins_episodes = true`.
+    /// Returns the handle that begins episodes in real time, for components that declared
+    /// [`may_begin_episodes`](crate::declare::Declare::may_begin_episodes). Returns `None` unless the graph
+    /// sets `begins_episodes = true`.
     pub fn episode_driver(&self) -> Option<EpisodeDriver> {
         self.component().begins_episodes.then(|| EpisodeDriver { context: self.context().clone() })
     }
 }
 
-/// The right of one component to begin the episodes of its graph in real time, such as a pedal, a
-/// teleoperator's button, or a task that counts its attempts.
+/// A handle with which one component begins the episodes of its graph in real time, for example for a pedal,
+/// a teleoperator's button, or a task that counts its attempts.
 ///
 /// ```
 /// use motorium::component::EpisodeDriver;
@@ -392,17 +393,17 @@ pub struct EpisodeDriver {
 }
 
 impl EpisodeDriver {
-    /// Begins the next episode with this seed. Every component, including this one, enters it at its next
-    /// step.
+    /// Begins the next episode with this seed. Every component, including this one, enters the episode at its
+    /// next step.
     ///
-    /// Returns `false` and has no effect until the launcher has recorded the current episode, up to 20 ms
-    /// after its start.
+    /// Returns `false` and has no effect if the launcher has not recorded the current episode yet, which can
+    /// last 20 ms from the start of the episode.
     pub fn begin(&self, seed: u64) -> bool {
         self.context.region().header().begin_next_episode(seed, crate::os::monotonic_ns())
     }
 }
 
-/// The right of one component to end the episodes of its graph, because a task succeeded or failed.
+/// A handle with which one component ends the episodes of its graph, because a task succeeded or failed.
 ///
 /// ```
 /// use motorium::prelude::*;

@@ -1,4 +1,4 @@
-//! Blocks of weights: parameters of a model that arrive on a topic while the component runs.
+//! Blocks of weights: model parameters that arrive on a topic while the component runs.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -8,20 +8,21 @@ use super::{ConfigureError, Declare, Setup, Tick};
 use crate::state::{MAX_WEIGHTS, Weights};
 use crate::transport::Input;
 
-/// When received weights take effect.
+/// Time at which received weights take effect.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum TakeWeights {
-    /// Before the next step. After a reset an episode begins with the weights of the configuration.
+    /// Before the next step. After a reset, the episode begins with the weights of the configuration.
     #[default]
     Step,
-    /// Before the first step of an episode, under either clock. Later weights wait for the next episode, or
-    /// have no effect in a run without episodes. Weights persist through resets.
+    /// Before the first step of an episode, in real time and in lockstep. Weights that arrive during an
+    /// episode wait for the next one and have no effect in a run without episodes. Weights persist through
+    /// resets.
     Episode,
 }
 
-/// An input of model weights: it validates received blocks of [`Weights`], assembles them, and passes
-/// complete versions to its component.
+/// An input of model weights. Validates received blocks of [`Weights`], assembles them, and passes complete
+/// versions to the component.
 ///
 /// The weights of a model arrive in blocks; all blocks except the last are full ([`MAX_WEIGHTS`] numbers). A
 /// block is rejected and counted if its position or length is wrong, a number is not finite, or its version
@@ -67,14 +68,14 @@ pub struct WeightsInput {
 }
 
 impl Declare {
-    /// Declares an input of [`Weights`], which the component opens with [`Setup::weights`].
+    /// Declares an input of [`Weights`]. The component opens it with [`Setup::weights`].
     pub fn weights(&mut self, name: &str, doc: &str) {
         self.input::<Weights>(name, doc);
     }
 }
 
 impl Setup {
-    /// Opens a declared input of weights, for a model of `count` numbers.
+    /// Opens a declared input of weights for a model with `count` weights.
     ///
     /// # Errors
     /// The port is not declared, or `count` is zero.
@@ -85,15 +86,17 @@ impl Setup {
         take: TakeWeights,
     ) -> Result<WeightsInput, ConfigureError> {
         if count == 0 {
-            return Err(ConfigureError::failed(format!("`{port}` is for a model without weights")));
+            return Err(ConfigureError::failed(format!(
+                "the model of input `{port}` has 0 weights, expected at least 1"
+            )));
         }
         Ok(WeightsInput { input: self.input(port)?, store: Store::new(count, take) })
     }
 }
 
 impl WeightsInput {
-    /// Returns all weights of the model to apply before this step, or `None` to keep the current ones. Call
-    /// it once per step, before using the weights.
+    /// Returns the model's complete weights if new ones must be applied before this step, or `None` to keep
+    /// the current ones. Call it once per step, before using the weights.
     pub fn take(&mut self, tick: &Tick) -> Option<&[f64]> {
         if let Some(block) = self.input.next_unread() {
             self.store.offer(&block);
@@ -102,19 +105,19 @@ impl WeightsInput {
     }
 
     /// Begins an episode of simulated time. Call it in `reset`, and restore the weights of the configuration
-    /// there. It is not needed in [`Component::begin_episode`](super::Component::begin_episode), which resets
-    /// nothing.
+    /// there. [`Component::begin_episode`](super::Component::begin_episode) need not call it, because it
+    /// resets nothing.
     pub fn begin_episode(&mut self) {
         self.store.begin_episode();
     }
 
-    /// Returns the version of the applied weights; 0 before any are applied.
+    /// Returns the version of the applied weights; 0 if none have been applied.
     pub fn version(&self) -> u64 {
         self.store.taken
     }
 
-    /// Returns statistics for the result of the component: `version`, the number of versions `taken`, and the
-    /// number of blocks `refused` by reason.
+    /// Returns the statistics for the component's result: the applied `version`, the number of versions
+    /// `taken`, and the number of blocks `refused` by reason.
     pub fn result(&self) -> serde_json::Value {
         let Refusals { place, count, version, not_finite } = self.store.refusals;
         json!({
@@ -125,7 +128,7 @@ impl WeightsInput {
     }
 }
 
-/// Number of refused blocks by reason.
+/// Number of rejected blocks by reason.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 struct Refusals {
     place: u64,

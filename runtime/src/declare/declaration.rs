@@ -19,34 +19,36 @@ pub struct Declaration {
     pub ports: Vec<PortDeclaration>,
     /// Parameters in the order of their declaration.
     pub parameters: Vec<ParameterDeclaration>,
-    /// `true` for the side that applies commands (physics, drives): it must reach the safe state on its own.
+    /// `true` for a component that applies commands (physics, drives). It must be able to reach its safe
+    /// state without help from other components.
     pub actuator: bool,
-    /// True if it can be reset for a new episode.
+    /// True if the component can be reset for a new episode.
     #[serde(default)]
     pub resets: bool,
-    /// True if it can end an episode.
+    /// True if the component can end an episode.
     #[serde(default)]
     pub may_end_episodes: bool,
-    /// True if it can begin episodes in real time.
+    /// True if the component can begin episodes in real time.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub may_begin_episodes: bool,
-    /// True if a file descriptor can release its steps.
+    /// True if a file descriptor can release the component's steps.
     #[serde(default)]
     pub wakes_on_descriptor: bool,
-    /// Longest time for which a step waits for an answer from outside, without the core, ns; 0 for a step
-    /// that never waits.
+    /// Maximum time for which a step waits for an answer from outside, without using the core, ns; 0 if steps
+    /// never wait.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub waits_ns: u64,
-    /// Reason why it cannot keep deadlines; `None` if it can.
+    /// Reason why the component cannot keep deadlines; `None` if it can.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub not_real_time: Option<String>,
-    /// Topics read by taps.
+    /// Topics that the component reads by taps, or `None`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub taps: Option<Taps>,
     /// Warnings about a valid but probably unintended configuration.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub warnings: Vec<DeclareWarning>,
-    /// Facts about the component in this graph that its table does not show, one sentence each.
+    /// Facts about the component in this graph that its table in the graph file does not show, one sentence
+    /// each.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub notes: Vec<String>,
 }
@@ -55,7 +57,7 @@ fn is_zero(number: &u64) -> bool {
     *number == 0
 }
 
-/// The receiver of a component's declarations.
+/// Collects the declarations of a component: its ports, parameters and requirements.
 ///
 /// ```
 /// use motorium::prelude::*;
@@ -75,12 +77,12 @@ pub struct Declare {
     robot: Option<RobotReference>,
     robots: Vec<RobotReference>,
     placement: Placement,
-    /// Set when the component reads its list of robots, which means that it supports several.
+    /// True once the component has read its list of robots, which means that it supports several.
     takes_several: Cell<bool>,
 }
 
 impl Declare {
-    /// Creates an empty declaration for a component that works on `robot`.
+    /// Creates an empty declaration for a component that works on `robot`, or on no robot.
     pub fn new(robot: Option<RobotReference>) -> Self {
         Self {
             declaration: Declaration::default(),
@@ -96,14 +98,14 @@ impl Declare {
         Self { robots, ..Self::new(None) }
     }
 
-    /// Places the component in a graph.
+    /// Sets the placement of the component in its graph.
     #[must_use]
     pub fn placed(self, placement: Placement) -> Self {
         Self { placement, ..self }
     }
 
-    /// Returns the nominal time between two steps, the same as `Setup::period`. Returns `None` outside a
-    /// graph, or if the rates and triggers of the graph file are invalid, which is reported separately.
+    /// Returns the nominal time between two steps, like `Setup::period`. Returns `None` outside a graph, or
+    /// if the rates and triggers of the graph file are invalid; such errors are reported separately.
     pub fn period(&self) -> Option<Duration> {
         self.placement.period
     }
@@ -113,14 +115,14 @@ impl Declare {
         self.placement.clock
     }
 
-    /// Returns the folder that relative paths in the `config` table refer to: the folder of the graph file
-    /// that contains the component. Same as `Setup::folder`.
+    /// Returns the folder that relative paths in the `config` table refer to, like `Setup::folder`. This is
+    /// the folder of the graph file that contains the component.
     pub fn folder(&self) -> &Path {
         &self.placement.folder
     }
 
-    /// Returns `true` if the component's `subscribe` table in the graph contains this port. For components
-    /// whose role depends on the wiring. Same as `Setup::subscribes`. Always `false` outside a graph.
+    /// Returns `true` if the component's `subscribe` table in the graph contains this port, like
+    /// `Setup::subscribes`. For components whose role depends on the wiring. Always `false` outside a graph.
     ///
     /// ```
     /// use motorium::declare::{Declare, Placement};
@@ -133,14 +135,15 @@ impl Declare {
         self.placement.subscribed.iter().any(|subscribed| subscribed == port)
     }
 
-    /// Adds a fact about the component in this graph that its table does not show. `motorium check` prints
-    /// the fact after the component's name.
+    /// Adds a fact about the component in this graph that its table in the graph file does not show.
+    /// `motorium check` prints the fact after the component's name.
     pub fn note(&mut self, fact: impl Into<String>) {
         self.declaration.notes.push(fact.into());
     }
 
-    /// Warns about a valid but probably unintended configuration. `motorium check` and `run` print the
-    /// warning with its position in the graph file: the component, or the key set by [`DeclareWarning::at`].
+    /// Adds a warning about a valid but probably unintended configuration. `motorium check` and `run` print
+    /// the warning with its position in the graph file: the component, or the key set by
+    /// [`DeclareWarning::key`](method@DeclareWarning::key).
     ///
     /// ```
     /// use motorium::prelude::*;
@@ -166,13 +169,14 @@ impl Declare {
         self.declaration
     }
 
-    /// Returns the robot that the graph file assigns to this component, if any.
+    /// Returns the robot that the graph file assigns to this component by `robot`, or `None`.
     pub fn robot(&self) -> Option<&RobotReference> {
         self.robot.as_ref()
     }
 
-    /// Returns the robots assigned by `robots` in the graph file; empty for a single `robot` or none. A
-    /// component that never calls this supports at most one robot, and `robots` is rejected.
+    /// Returns the robots that the graph file assigns to this component by `robots`; empty if the component
+    /// has a single `robot` or no robot. A component that never calls this supports at most one robot: the
+    /// graph is rejected if it sets `robots`.
     pub fn robots(&self) -> &[RobotReference] {
         self.takes_several.set(true);
         &self.robots
@@ -183,60 +187,63 @@ impl Declare {
         self.robots.is_empty() || self.takes_several.get()
     }
 
-    /// Declares an input that reads the newest value of a topic, and that the graph must wire.
+    /// Declares an input that reads the newest value of a topic. The graph must wire it.
     pub fn input<T: StateBuffer>(&mut self, name: &str, doc: &str) {
         self.port::<T>(name, Direction::Input, TopicPattern::State, true, doc);
     }
 
-    /// Declares an input that the graph may leave unwired.
+    /// Declares an input that reads the newest value of a topic. The graph may leave it unwired.
     pub fn optional_input<T: StateBuffer>(&mut self, name: &str, doc: &str) {
         self.port::<T>(name, Direction::Input, TopicPattern::State, false, doc);
     }
 
-    /// Declares an output. If it is unwired, its samples are discarded.
+    /// Declares an output for the newest value of a topic. Samples of an unwired output are discarded.
     pub fn output<T: StateBuffer>(&mut self, name: &str, doc: &str) {
         self.port::<T>(name, Direction::Output, TopicPattern::State, false, doc);
     }
 
-    /// Declares an input that reads every sample of a stream topic.
+    /// Declares an input that reads every sample of a stream, through a queue of `capacity` samples.
     pub fn stream_input<T: StateBuffer>(&mut self, name: &str, capacity: usize, doc: &str) {
         self.port::<T>(name, Direction::Input, TopicPattern::Stream { capacity }, true, doc);
     }
 
-    /// Declares an output whose readers may read every sample.
+    /// Declares an output of a stream. Each reader may read every sample, through a queue of `capacity`
+    /// samples.
     pub fn stream_output<T: StateBuffer>(&mut self, name: &str, capacity: usize, doc: &str) {
         self.port::<T>(name, Direction::Output, TopicPattern::Stream { capacity }, false, doc);
     }
 
-    /// Declares an input that reads every slice of a stream, such as images or frames.
+    /// Declares an input that reads every slice of a stream, such as images or frames, through a queue of
+    /// `capacity` slices.
     pub fn slice_input<T: StateBuffer>(&mut self, name: &str, capacity: usize, doc: &str) {
         self.port::<T>(name, Direction::Input, TopicPattern::Slices { capacity, longest: 0 }, true, doc);
     }
 
-    /// Declares an output of slices of up to `longest` elements, such as images or frames.
+    /// Declares an output of slices, such as images or frames, with at most `longest` elements each. Each
+    /// reader has a queue of `capacity` slices.
     pub fn slice_output<T: StateBuffer>(&mut self, name: &str, longest: usize, capacity: usize, doc: &str) {
         self.port::<T>(name, Direction::Output, TopicPattern::Slices { capacity, longest }, false, doc);
     }
 
-    /// Declares an input that reads the newest value of a topic of any type as bytes, and that the graph must
-    /// wire. The topic's writer declares the layout. For bridges and recorders.
+    /// Declares an input that reads the newest value of a topic of any type, as bytes. The graph must wire
+    /// it, and the topic's writer declares the layout. For bridges and recorders.
     pub fn raw_input(&mut self, name: &str, doc: &str) {
         self.any_input(name, true, doc);
     }
 
-    /// Like [`raw_input`](Self::raw_input), for an input that may be unwired.
+    /// Declares an input like [`raw_input`](Self::raw_input) that the graph may leave unwired.
     pub fn optional_raw_input(&mut self, name: &str, doc: &str) {
         self.any_input(name, false, doc);
     }
 
-    /// Declares an input that reads every value of a stream of any type as bytes, and that the graph must
-    /// wire.
+    /// Declares an input that reads every value of a stream of any type, as bytes, through a queue of
+    /// `capacity` values. The graph must wire it.
     pub fn raw_stream_input(&mut self, name: &str, capacity: usize, doc: &str) {
         self.any_port(name, TopicPattern::Stream { capacity }, true, doc);
     }
 
     /// Declares an input that reads every slice of a stream of any type, as bytes and the number of elements,
-    /// and that the graph must wire.
+    /// through a queue of `capacity` slices. The graph must wire it.
     pub fn raw_slice_input(&mut self, name: &str, capacity: usize, doc: &str) {
         self.any_port(name, TopicPattern::Slices { capacity, longest: 0 }, true, doc);
     }
@@ -256,17 +263,19 @@ impl Declare {
         });
     }
 
-    /// Declares an output of a type that is known at run time only.
+    /// Declares an output for the newest value of a topic, with a type that is only known at run time.
     pub fn raw_output(&mut self, name: &str, layout: TypeLayout, doc: &str) {
         self.raw_port(name, layout, TopicPattern::State, doc);
     }
 
-    /// Declares an output of a type that is known at run time only, whose readers may read every value.
+    /// Declares an output of a stream, with a type that is only known at run time. Each reader has a queue of
+    /// `capacity` values.
     pub fn raw_stream_output(&mut self, name: &str, layout: TypeLayout, capacity: usize, doc: &str) {
         self.raw_port(name, layout, TopicPattern::Stream { capacity }, doc);
     }
 
-    /// Declares an output of slices of up to `longest` elements of a type that is known at run time only.
+    /// Declares an output of slices with at most `longest` elements each, of a type that is only known at run
+    /// time. Each reader has a queue of `capacity` slices.
     pub fn raw_slice_output(
         &mut self,
         name: &str,
@@ -289,26 +298,26 @@ impl Declare {
         });
     }
 
-    /// Declares that this component applies commands to a robot, and enters the safe state without outside
-    /// help when they become stale.
+    /// Declares that this component applies commands to a robot. It must enter its safe state without outside
+    /// help when the commands become stale.
     pub fn actuator(&mut self) {
         self.declaration.actuator = true;
     }
 
-    /// Declares that this component can end an episode (`Setup::episode_end`) if the graph sets
+    /// Declares that this component can end an episode (`Setup::episode_end`). It may do so if the graph sets
     /// `ends_episode = true`.
     pub fn may_end_episodes(&mut self) {
         self.declaration.may_end_episodes = true;
     }
 
-    /// Declares that this component can begin episodes in real time (`Setup::episode_driver`) if the graph
-    /// sets `begins_episodes = true`.
+    /// Declares that this component can begin episodes in real time (`Setup::episode_driver`). It may do so
+    /// if the graph sets `begins_episodes = true`.
     pub fn may_begin_episodes(&mut self) {
         self.declaration.may_begin_episodes = true;
     }
 
-    /// Declares that this component can be reset for a new episode. For components that are known only at run
-    /// time; others set `Component::RESETS`.
+    /// Declares that this component can be reset for a new episode. For components whose type is only known
+    /// at run time; others set `Component::RESETS`.
     pub fn resets(&mut self) {
         self.declaration.resets = true;
     }
@@ -320,9 +329,9 @@ impl Declare {
         self.declaration.wakes_on_descriptor = true;
     }
 
-    /// Declares that a step waits up to `longest` for an answer from outside, such as from a device. It
-    /// sleeps meanwhile and leaves the core to others. The wait is part of the response time but not of the
-    /// budget.
+    /// Declares that a step waits for an answer from outside, such as from a device, for at most `longest`.
+    /// The component sleeps meanwhile and leaves the core to others. The wait is part of the response time
+    /// but not of the budget.
     ///
     /// ```
     /// use motorium::prelude::*;
@@ -336,9 +345,9 @@ impl Declare {
         self.declaration.waits_ns = u64::try_from(longest.as_nanos()).unwrap_or(u64::MAX);
     }
 
-    /// Declares that this component cannot keep deadlines, and why: for example, because it collects garbage
-    /// or waits for its interpreter's lock. Its scheduling class then defaults to `normal`. `motorium check`
-    /// warns with the reason and names the real-time components that depend on it.
+    /// Declares that this component cannot keep deadlines. `reason` states why, for example garbage
+    /// collection or an interpreter's lock. The scheduling class then defaults to `normal`. `motorium check`
+    /// warns with the reason and names the real-time components that depend on this component.
     ///
     /// ```
     /// use motorium::prelude::*;
@@ -352,7 +361,7 @@ impl Declare {
     }
 
     /// Declares that this component reads topics of the whole graph by taps (`Setup::observer`). Topics keep
-    /// enough old values for the time that a tap may go unread.
+    /// enough old values to bridge the time for which a tap may go unread.
     ///
     /// ```
     /// use motorium::declare::{Declare, Taps};
@@ -366,7 +375,7 @@ impl Declare {
         self.declaration.taps = Some(taps);
     }
 
-    /// Declares a floating-point parameter, which may change at run time within `range`, in `unit`.
+    /// Declares a floating-point parameter in `unit`. It may change at run time within `range`.
     pub fn float(
         &mut self,
         name: &str,
@@ -378,19 +387,19 @@ impl Declare {
         self.parameter(name, ParameterValue::Float(default), Some((*range.start(), *range.end())), unit, doc);
     }
 
-    /// Declares an integer parameter, which may change at run time within `range`.
+    /// Declares an integer parameter. It may change at run time within `range`.
     pub fn integer(&mut self, name: &str, default: i64, range: core::ops::RangeInclusive<i64>, doc: &str) {
         let range = Some((*range.start() as f64, *range.end() as f64));
         self.parameter(name, ParameterValue::Integer(default), range, "", doc);
     }
 
-    /// Declares a Boolean parameter, which may change at run time.
+    /// Declares a Boolean parameter. It may change at run time.
     pub fn boolean(&mut self, name: &str, default: bool, doc: &str) {
         self.parameter(name, ParameterValue::Boolean(default), None, "", doc);
     }
 
-    /// Declares a parameter that is one of `choices`, which may change at run time; `default` is one of them.
-    /// The component reads it as a `Choice`, the index of the name.
+    /// Declares a parameter whose value is one of `choices`. It may change at run time, and `default` must be
+    /// one of the choices. The component reads it as a `Choice`, the index of the name.
     pub fn choice(&mut self, name: &str, choices: &[&str], default: &str, doc: &str) {
         self.parameter(name, ParameterValue::Choice(default.to_string()), None, "", doc);
         if let Some(declared) = self.declaration.parameters.last_mut() {
@@ -398,8 +407,9 @@ impl Declare {
         }
     }
 
-    /// Declares an array parameter, which may change at run time as a whole. It has the length of `default`;
-    /// each entry is within `range`, in `unit`. The component reads it with `Setup::parameter_array`.
+    /// Declares an array parameter in `unit`. It may change at run time, as a whole. Its length is the length
+    /// of `default`, and each entry must be within `range`. The component reads it with
+    /// `Setup::parameter_array`.
     pub fn array(
         &mut self,
         name: &str,
@@ -427,7 +437,7 @@ impl Declare {
     fn add(&mut self, port: PortDeclaration) {
         debug_assert!(
             self.declaration.ports.iter().all(|other| other.name != port.name),
-            "port `{}` declared twice",
+            "port `{}` is declared twice",
             port.name
         );
         self.declaration.ports.push(port);

@@ -15,11 +15,11 @@ use crate::state::Defect;
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{message}")]
 pub struct ConfigError {
-    /// The key of the `config` table at fault, dotted, if one can be named.
+    /// Key of the `config` table that is at fault, dotted; `None` if no single key is.
     pub key: Option<String>,
-    /// Found value and expected values.
+    /// Message with the found value and the expected values.
     pub message: String,
-    /// Advice, if there is any.
+    /// Advice on how to correct the configuration, or `None`.
     pub advice: Option<String>,
 }
 
@@ -34,7 +34,7 @@ impl ConfigError {
         Self { key: None, message: message.into(), advice: None }
     }
 
-    /// Adds advice.
+    /// Adds advice on how to correct the configuration.
     #[must_use]
     pub fn advise(mut self, advice: impl Into<String>) -> Self {
         self.advice = Some(advice.into());
@@ -42,7 +42,7 @@ impl ConfigError {
     }
 }
 
-/// Error of a step. It owns no heap memory unless its message is formatted at run time.
+/// Error of a step. Owns no heap memory unless its message is formatted at run time.
 ///
 /// ```
 /// use motorium::declare::StepError;
@@ -54,28 +54,28 @@ impl ConfigError {
 /// ```
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum StepError {
-    /// An output contained an invalid value, which was not published.
+    /// An output received an invalid value, which was not published.
     #[error("output `{port}`: {defect}")]
     InvalidOutput {
-        /// The port.
+        /// Name of the output port.
         port: &'static str,
-        /// The defect of the sample.
+        /// Defect of the value.
         defect: Defect,
     },
-    /// The transport refused to lend or send a sample.
+    /// A sample could not be lent or sent.
     #[error("output `{port}`: {reason}")]
     Transport {
-        /// The port.
+        /// Name of the output port.
         port: &'static str,
-        /// The transport's reason.
+        /// Reason given by the transport.
         reason: &'static str,
     },
-    /// The source time of an output is in the future; the sample was not published.
-    #[error("output `{port}`: its source time is {ahead_ns} ns in the future")]
+    /// The source time of a sample is more than 1 ms in the future. The sample was not published.
+    #[error("output `{port}`: the source time is {ahead_ns} ns in the future, expected at most 1 ms")]
     SourceInFuture {
-        /// The port.
+        /// Name of the output port.
         port: &'static str,
-        /// Time ahead of the clock, ns.
+        /// Difference between the source time and the current time, ns.
         ahead_ns: u64,
     },
     /// Any other failure, with the component's message.
@@ -84,7 +84,7 @@ pub enum StepError {
 }
 
 impl StepError {
-    /// Creates an error with a message.
+    /// Creates an error with this message.
     pub fn failed(message: impl Into<Cow<'static, str>>) -> Self {
         Self::Failed(message.into())
     }

@@ -4,7 +4,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::nearest::{list, suggest};
 
-/// Maximum number of values in all parameters of one component; an array counts by its length.
+/// Maximum number of values in all parameters of one component. An array counts as many values as it has
+/// entries.
 pub const MAX_PARAMETER_NUMBERS: usize = 256;
 
 /// The type of a parameter.
@@ -17,9 +18,9 @@ pub enum ParameterKind {
     Integer,
     /// True or false.
     Boolean,
-    /// One of a few names.
+    /// One of several names.
     Choice,
-    /// An array of 64-bit floats, of fixed length.
+    /// An array of 64-bit floats with a fixed length.
     Array,
 }
 
@@ -35,7 +36,7 @@ pub enum ParameterValue {
     Float(f64),
     /// The name of a choice.
     Choice(String),
-    /// 64-bit floats.
+    /// An array of 64-bit floats.
     Array(Vec<f64>),
 }
 
@@ -89,23 +90,24 @@ impl core::fmt::Display for ParameterValue {
 pub struct ParameterDeclaration {
     /// Name of the parameter, unique in its component.
     pub name: String,
-    /// Value unless the graph file sets another. It defines the parameter's type and an array's length.
+    /// Value unless the graph file sets another one. It defines the type of the parameter and the length of
+    /// an array.
     pub default: ParameterValue,
-    /// Smallest value allowed; of an array, of each of its numbers.
+    /// Smallest allowed value, or smallest allowed entry of an array; `None` if unbounded.
     pub min: Option<f64>,
-    /// Largest value allowed.
+    /// Largest allowed value, or largest allowed entry of an array; `None` if unbounded.
     pub max: Option<f64>,
-    /// Names to choose from, in order; empty unless the parameter is a choice.
+    /// Names to choose from, in order; empty for parameters that are not a choice.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub choices: Vec<String>,
-    /// Unit, or empty.
+    /// Unit, such as `N m`; empty for values without a unit.
     pub unit: String,
-    /// One line of explanation.
+    /// One line of explanation, for lists.
     pub doc: String,
 }
 
 impl ParameterDeclaration {
-    /// Returns the number of values: the length of an array, otherwise one.
+    /// Returns the number of values: the length of an array, otherwise 1.
     pub fn numbers(&self) -> usize {
         match &self.default {
             ParameterValue::Array(values) => values.len(),
@@ -113,8 +115,8 @@ impl ParameterDeclaration {
         }
     }
 
-    /// Checks a value against type, range, choices and length. An integer is accepted for a float, and a
-    /// single number for an array filled with it.
+    /// Checks a value against the declared type, range, choices and length. Returns the value in the declared
+    /// type: an integer is converted to a float, and a single number to an array filled with it.
     ///
     /// # Errors
     /// Returns a message with the found value and the expected values.

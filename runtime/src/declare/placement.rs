@@ -1,4 +1,4 @@
-//! Placement of a component in its graph, as far as it is known before its ports.
+//! Placement of a component in its graph, as far as it is known before the ports are declared.
 
 use std::path::PathBuf;
 use std::time::Duration;
@@ -9,14 +9,14 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ClockKind {
-    /// The machine's monotonic clock: components step at absolute times.
+    /// The machine's monotonic clock. Components step at absolute times.
     #[default]
     Realtime,
-    /// Simulated time, tick by tick in a fixed order, as fast as the machine allows.
+    /// Simulated time, which advances tick by tick in a fixed order, as fast as the machine allows.
     Lockstep,
 }
 
-/// Placement of a component in its graph, as far as it is known before its ports.
+/// Placement of a component in its graph, as far as it is known before the ports are declared.
 ///
 /// ```
 /// use std::time::Duration;
@@ -28,13 +28,13 @@ pub enum ClockKind {
 /// ```
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Placement {
-    /// Nominal time between two steps; `None` if not known yet.
+    /// Nominal time between two steps; `None` if it is not known yet.
     pub period: Option<Duration>,
     /// The clock of the graph. Defaults to real time.
     pub clock: ClockKind,
     /// Folder that relative paths in the `config` table refer to. Defaults to the working directory.
     pub folder: PathBuf,
-    /// Ports in the component's `subscribe` table.
+    /// Names of the ports in the component's `subscribe` table.
     #[serde(default)]
     pub subscribed: Vec<String>,
 }

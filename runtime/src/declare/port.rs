@@ -8,34 +8,35 @@ use crate::state::TypeLayout;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Direction {
-    /// Reads.
+    /// The component reads a topic.
     Input,
-    /// Writes.
+    /// The component writes a topic.
     Output,
 }
 
-/// The pattern by which a topic carries its samples.
+/// Delivery pattern of a topic: state, stream or slices.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum TopicPattern {
-    /// State: the newest value; older ones are gone.
+    /// State: readers see only the newest value.
     State,
-    /// Stream: a queue per reader; on overflow the oldest samples are dropped and counted.
+    /// Stream: one queue per reader. A full queue drops its oldest sample and counts the loss.
     Stream {
-        /// Number of samples a reader may lag behind before it loses the oldest.
+        /// Capacity of each queue: the number of samples by which a reader may lag behind without losing any.
         capacity: usize,
     },
-    /// A queue of this many slices per reader, each of another length.
+    /// Slices: one queue per reader, as for a stream, with slices of varying length as samples.
     Slices {
-        /// Number of slices a reader may lag behind before it loses the oldest.
+        /// Capacity of each queue: the number of slices by which a reader may lag behind without losing any.
         capacity: usize,
-        /// Elements of the longest slice. An input declares 0, since the topic's writer defines it.
+        /// Maximum number of elements per slice. An input declares 0, because the topic's writer defines the
+        /// maximum.
         longest: usize,
     },
 }
 
 impl TopicPattern {
-    /// Returns the capacity of the queue in samples or slices; `None` for a state.
+    /// Returns the capacity of each queue in samples or slices; `None` for a state.
     pub fn capacity(self) -> Option<usize> {
         match self {
             Self::State => None,
@@ -49,14 +50,14 @@ impl TopicPattern {
 pub struct PortDeclaration {
     /// Name of the port in the component's `subscribe` or `publish` table.
     pub name: String,
-    /// Reads or writes.
+    /// Direction of the data: input or output.
     pub direction: Direction,
-    /// State or stream.
+    /// Delivery pattern: state, stream or slices.
     pub pattern: TopicPattern,
-    /// Layout of its samples.
+    /// Layout of the samples.
     pub layout: TypeLayout,
-    /// True if the graph must wire it.
+    /// True if the graph must wire the port.
     pub required: bool,
-    /// One line of explanation.
+    /// One line of explanation, for lists.
     pub doc: String,
 }

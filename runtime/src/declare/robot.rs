@@ -1,4 +1,4 @@
-//! Robot references: names, and the location of their models.
+//! Robot references: names and the locations of robot models.
 
 use std::path::PathBuf;
 
@@ -8,34 +8,34 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct BasePose {
-    /// Position of its origin, m.
+    /// Position of the base frame's origin, m.
     #[serde(default)]
     pub position: [f64; 3],
-    /// Roll, pitch, yaw about the fixed axes x, y, z, in this order, rad.
+    /// Roll, pitch and yaw about the fixed axes x, y and z, in this order, rad.
     #[serde(default)]
     pub rpy: [f64; 3],
 }
 
-/// A component's robot: its name, the location of its model, and its pose.
+/// The robot of a component: its name, the location of its model, and its pose.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct RobotReference {
-    /// Name in the graph file.
+    /// Name of the robot in the graph file.
     pub name: String,
     /// The value of `urdf` or `mjcf` in the graph file: a catalogue name, a folder or a file.
     pub urdf: String,
-    /// Folder that relative paths refer to, which is the folder of the graph file.
+    /// Folder of the graph file, which relative paths refer to.
     pub base: PathBuf,
-    /// Pose of its base in the world; `None` if missing from the graph file.
+    /// Pose of the robot's base in the world; `None` if the graph file does not set it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pose: Option<BasePose>,
-    /// File of its profile; `None` if not named in the graph file.
+    /// File of the robot's profile; `None` if the graph file does not name one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub profile: Option<PathBuf>,
-    /// Folders searched first for the packages of its files.
+    /// Folders to search first for the packages that the model's files refer to.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub package_path: Vec<PathBuf>,
-    /// The keys `joints`, `fixed`, `frame`, `start` and `gains` of the graph file, and `mjcf = true` if the
-    /// model is given by that key, as a table; `None` without any of them.
+    /// Table of the keys `joints`, `fixed`, `frame`, `start` and `gains` of the robot in the graph file, with
+    /// `mjcf = true` if the model is given by that key. `None` if none of them is set.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub settings: Option<serde_json::Value>,
 }

@@ -4,8 +4,8 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
-/// The topics that a component reads by taps: every value, in order, without a port or a change in the
-/// writer.
+/// The topics that a component reads by taps: every value, in order, without a port and without a change in
+/// the writer.
 ///
 /// ```
 /// use motorium::declare::Taps;
@@ -17,14 +17,16 @@ use serde::{Deserialize, Serialize};
 /// ```
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Taps {
-    /// Names of topics; `*` matches any characters.
+    /// Patterns of topic names, in which `*` matches any characters.
     pub topics: Vec<String>,
-    /// Time that a tap may go unread before values are lost; topics keep the values published in this time.
+    /// Time for which a tap may go unread without losing values. Topics keep the values published in this
+    /// time.
     pub bridges: Duration,
 }
 
 impl Taps {
-    /// Taps the topics that match these patterns; `*` matches any characters.
+    /// Creates taps on all topics whose names match one of `topics`. In a pattern, `*` matches any
+    /// characters.
     pub fn new<'a>(topics: impl IntoIterator<Item = &'a str>, bridges: Duration) -> Self {
         Self { topics: topics.into_iter().map(str::to_string).collect(), bridges }
     }
@@ -34,7 +36,7 @@ impl Taps {
         self.topics.iter().any(|pattern| matches(pattern, topic))
     }
 
-    /// Returns the first pattern that matches no topic.
+    /// Returns the first pattern that matches none of `topics`.
     pub fn unmatched<'a>(&'a self, topics: &[String]) -> Option<&'a str> {
         let is_idle = |pattern: &&String| !topics.iter().any(|topic| matches(pattern, topic));
         self.topics.iter().find(is_idle).map(String::as_str)

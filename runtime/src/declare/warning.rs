@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// A warning about a component's configuration, which is valid but probably unintended.
+/// A warning about a component's configuration that is valid but probably unintended.
 ///
 /// ```
 /// use motorium::declare::Declare;
@@ -14,12 +14,12 @@ use serde::{Deserialize, Serialize};
 /// ```
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct DeclareWarning {
-    /// Affected key of the `config` table, dotted; `None` for the component as a whole.
+    /// Affected key of the `config` table, dotted; `None` if the warning concerns the component as a whole.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub key: Option<String>,
     /// Finding and its consequence.
     pub message: String,
-    /// Advice, in one sentence.
+    /// Advice in one sentence, or `None`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub advice: Option<String>,
 }
@@ -36,7 +36,7 @@ impl DeclareWarning {
         self
     }
 
-    /// Adds advice, in one sentence.
+    /// Adds advice in one sentence.
     pub fn advise(&mut self, advice: impl Into<String>) -> &mut Self {
         self.advice = Some(advice.into());
         self

@@ -24,13 +24,13 @@ pub use service::ServiceError;
 pub(crate) use service::{refused, service_name};
 pub use variant::Shared;
 
-/// The folder of all shared memory objects.
+/// Folder of all shared memory objects.
 pub const SHARED_MEMORY: &str = "/dev/shm";
 
 /// Type of iceoryx2's node counter, from which it derives the name of the object.
 const COUNTER_TYPE: &str = "iceoryx2::node::global_management_segment::State";
 
-/// The domain of one run. Two domains never see each other.
+/// The iceoryx2 domain of one run. Processes in different domains do not see one another.
 #[derive(Debug, Clone)]
 pub struct Domain {
     config: Config,
@@ -41,15 +41,19 @@ pub struct Domain {
 /// Error of creating a domain or a node in it.
 #[derive(Debug, thiserror::Error)]
 pub enum DomainError {
-    /// The folder's path cannot name a domain.
-    #[error("`{0}` cannot hold shared memory: use a shorter path of plain characters")]
+    /// The path of the folder cannot be used for a domain.
+    #[error(
+        "`{0}` is not a valid folder for shared memory, expected a shorter path without special characters"
+    )]
     Path(PathBuf),
     /// iceoryx2 could not create a node.
-    #[error("no iceoryx2 node in {root}: {reason}; `motorium doctor` checks shared memory and permissions")]
+    #[error(
+        "creating an iceoryx2 node in {root} failed: {reason}; `motorium doctor` checks shared memory and permissions"
+    )]
     Node {
-        /// The domain's folder.
+        /// Folder of the domain.
         root: PathBuf,
-        /// The error of iceoryx2.
+        /// Error of iceoryx2.
         reason: String,
     },
 }
@@ -113,7 +117,7 @@ impl Domain {
             .map_err(|error| refuse(format!("{error:?}")))
     }
 
-    /// Creates a node of this process in the domain. It installs no signal handlers.
+    /// Creates a node of this process in the domain. The node installs no signal handlers.
     ///
     /// # Errors
     /// Shared memory is full or inaccessible, or the folder no longer exists.
@@ -133,8 +137,8 @@ impl Domain {
             })
     }
 
-    /// Returns `true` if dead processes still occupy slots in topics and parameters. Inspects files and their
-    /// locks only, not iceoryx2's data in shared memory.
+    /// Returns `true` if dead processes still occupy slots in topics and parameters. Only inspects files and
+    /// their locks, not iceoryx2's data in shared memory.
     pub fn has_dead(&self) -> bool {
         let mut found = false;
         // Failures are retried at the next listing.
@@ -145,7 +149,7 @@ impl Domain {
         found
     }
 
-    /// Frees the slots of dead processes. It traverses shared memory written by other processes, so damaged
+    /// Frees the slots of dead processes. This traverses shared memory written by other processes, so damaged
     /// memory may crash this process.
     pub fn clean(&self) {
         let _ = Node::<Shared>::list(&self.config, |state| {
@@ -162,7 +166,7 @@ impl Domain {
         Path::new(SHARED_MEMORY).join(format!("{}spare", self.prefix))
     }
 
-    /// Removes all remains of the domain when it is no longer used. Returns the removed paths.
+    /// Removes all remains of a domain that is no longer used. Returns the removed paths.
     pub fn remove(&self) -> Vec<PathBuf> {
         let mut removed = Vec::new();
         // The lock is removed last, because objects without a lock count as unused.
@@ -184,7 +188,7 @@ impl Domain {
         entries.filter(move |entry| ours(&entry.file_name())).map(|entry| entry.path())
     }
 
-    /// Returns the file whose lock indicates that the domain's shared memory objects are in use.
+    /// Returns the file that processes lock while they use the domain's shared memory objects.
     pub fn lock_file(&self) -> PathBuf {
         Path::new(SHARED_MEMORY).join(format!("{}lock", self.prefix))
     }
@@ -200,7 +204,7 @@ impl Domain {
     }
 }
 
-/// Reduces iceoryx2's log to user-relevant messages. Errors are returned as values in any case.
+/// Limits iceoryx2's log to messages that are relevant to users. Errors are returned as values in any case.
 pub fn quieten() {
     iceoryx2::prelude::set_log_level(iceoryx2::prelude::LogLevel::Fatal);
 }

@@ -13,7 +13,7 @@ use std::alloc::{alloc, dealloc, handle_alloc_error};
 use iceoryx2_bb_elementary_traits::testing::abandonable::Abandonable;
 use iceoryx2_cal::arc_sync_policy::{ArcSyncPolicy, ArcSyncPolicyCreationError, LockGuard};
 
-/// Blocks of this size and alignment are kept for reuse.
+/// Size and alignment of the memory blocks that are kept for reuse.
 const BLOCK: Layout = match Layout::from_size_align(128, 16) {
     Ok(layout) => layout,
     Err(_) => panic!("a constant layout is valid"),
@@ -93,7 +93,7 @@ struct Shared<T> {
     value: ManuallyDrop<T>,
 }
 
-/// A handle to a value shared within one thread.
+/// A handle to a reference-counted value that is shared within one thread and allocated from a pool.
 pub struct PoolAllocated<T> {
     shared: NonNull<Shared<T>>,
 }
@@ -105,7 +105,7 @@ impl<T> PoolAllocated<T> {
         unsafe { self.shared.as_ref() }
     }
 
-    /// Drops one handle; returns `true` for the last one.
+    /// Drops one handle. Returns `true` for the last one.
     fn release(&self) -> bool {
         let handles = self.shared().handles.get() - 1;
         self.shared().handles.set(handles);
@@ -147,7 +147,7 @@ impl<T: Abandonable> Abandonable for PoolAllocated<T> {
     }
 }
 
-/// Access to the value. Within one thread no lock is needed.
+/// Access to the value of a handle. Within one thread no lock is needed.
 #[derive(Debug)]
 pub struct Access<'parent, T> {
     value: &'parent T,

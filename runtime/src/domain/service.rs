@@ -7,7 +7,7 @@ use iceoryx2::prelude::ServiceName;
 use super::SHARED_MEMORY;
 use crate::os::with_shortage;
 
-/// iceoryx2 refused an operation on a service of a run.
+/// Error of an iceoryx2 operation on a service of a run.
 #[derive(Debug, thiserror::Error)]
 #[error("{owner}: {action} failed: {reason}")]
 pub struct ServiceError {
@@ -15,7 +15,7 @@ pub struct ServiceError {
     pub owner: String,
     /// The operation that failed.
     pub action: &'static str,
-    /// The error of iceoryx2.
+    /// Error of iceoryx2.
     pub reason: String,
 }
 

@@ -10,10 +10,10 @@ use iceoryx2_cal::{
 
 use super::pool_allocated::PoolAllocated;
 
-/// The mechanisms of stock `ipc::Service`, except that stream samples are lent without heap allocation.
+/// The mechanisms of iceoryx2's `ipc::Service`, except that stream samples are lent without heap allocation.
 ///
-/// Stock programs (`iox2`, the Python wheel) see the same memory. Topics have no iceoryx2 event: the notifier
-/// of the topic wakes components (`Trigger`).
+/// Standard iceoryx2 programs (`iox2`, the Python package) see the same memory. Topics have no iceoryx2
+/// event; the notifier of the topic wakes components (`Trigger`).
 #[derive(Debug, Clone)]
 pub struct Shared {}
 

@@ -23,10 +23,10 @@ pub(super) const HANG_PERIODS: u64 = 20;
 pub(super) const HANG_REALTIME: TimeSpan = TimeSpan { ns: 200 * MILLISECOND };
 /// Minimum time without a step after which a component on shared cores counts as hung.
 pub(super) const HANG_NORMAL: TimeSpan = TimeSpan { ns: SECOND };
-/// Number of budgets (or periods, without a budget) that a component may compute without waiting.
+/// Number of budgets (or periods, without a budget) for which a component may compute without sleeping.
 pub(super) const CPU_LIMIT_STEPS: u64 = 10;
-/// Minimum of that time, because the kernel counts ticks at which a component has the core, even if the host
-/// has stolen most of the time in between.
+/// Minimum of the resulting time. The kernel counts ticks at which a component has the core, even if the host
+/// of a virtual machine has used the core for most of the time in between.
 pub(super) const CPU_LIMIT: TimeSpan = TimeSpan { ns: 50 * MILLISECOND };
 pub(super) const LOST_STEPS: Share = Share(0.05);
 pub(super) const PHASE: TimeSpan = TimeSpan { ns: 0 };

@@ -14,16 +14,16 @@ pub(super) struct Label {
     pub text: String,
 }
 
-/// Maximum number of shown findings of one severity; the others appear once these are fixed.
+/// Maximum number of findings of one severity that are shown; others appear once these are fixed.
 const SHOWN: usize = 20;
-/// Maximum number of shown findings for a file that does not parse, because in a file of another format every
-/// line is an error.
+/// Maximum number of findings that are shown for a file that does not parse. In a file of another format
+/// every line is an error.
 const SHOWN_OF_SYNTAX: usize = 5;
 
 /// One finding with its position and advice.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Diagnostic {
-    /// Number of represented findings: 1, except for the summary of hidden ones.
+    /// Number of findings that this one stands for: 1, except in the summary of hidden findings.
     pub(super) count: usize,
     pub(super) severity: Severity,
     pub(super) message: String,
@@ -34,54 +34,54 @@ pub struct Diagnostic {
     pub(super) sources: Arc<Sources>,
 }
 
-/// A place as data.
+/// A position in a file, as data.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, schemars::JsonSchema)]
 pub struct PlaceReport {
-    /// The file, or `--set` for an override of the command line.
+    /// Path of the file, or `--set` for an override of the command line.
     pub file: String,
     /// Line, from 1.
     pub line: usize,
     /// Column in characters, from 1.
     pub column: usize,
-    /// Label of the place; may be empty.
+    /// Label of the position; may be empty.
     pub label: String,
 }
 
-/// One mistake as data, for `--json`.
+/// An error or warning as data, for `--json`.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, schemars::JsonSchema)]
 pub struct DiagnosticReport {
-    /// The severity.
+    /// Severity of the finding.
     pub severity: Severity,
-    /// The value found, and the values expected.
+    /// Message with the value found and the values expected.
     pub message: String,
-    /// The file, or `--set` for an override of the command line.
+    /// Path of the file, or `--set` for an override of the command line.
     pub file: String,
-    /// Line, from 1; absent when the mistake is about the file as a whole.
+    /// Line, from 1; absent if the finding concerns the file as a whole.
     pub line: Option<usize>,
-    /// Column in characters, from 1.
+    /// Column in characters, from 1; absent if the finding concerns the file as a whole.
     pub column: Option<usize>,
-    /// Label of the place; may be empty.
+    /// Label of the position; may be empty.
     pub label: String,
-    /// Related places.
+    /// Related positions.
     pub related: Vec<PlaceReport>,
-    /// Further facts.
+    /// Additional facts.
     pub notes: Vec<String>,
     /// Advice, in one sentence.
     pub advice: Option<String>,
 }
 
 impl Diagnostic {
-    /// Returns the severity.
+    /// Returns the severity of the finding.
     pub fn severity(&self) -> Severity {
         self.severity
     }
 
-    /// Returns the found value and the expected values, in one line.
+    /// Returns the message with the found value and the expected values, in one line.
     pub fn message(&self) -> &str {
         &self.message
     }
 
-    /// Returns the advice, in one sentence.
+    /// Returns the advice in one sentence, or `None`.
     pub fn advice(&self) -> Option<&str> {
         self.advice.as_deref()
     }
@@ -182,13 +182,14 @@ impl Report {
         &mut self.diagnostics[last]
     }
 
-    /// Returns `true` if there is an error, so that the graph cannot run.
+    /// Returns `true` if there is an error, in which case the graph cannot run.
     pub(super) fn has_errors(&self) -> bool {
         self.diagnostics.iter().any(|diagnostic| diagnostic.severity == Severity::Error)
     }
 
-    /// Returns all findings in file order; findings without a position come first. Warnings are omitted if
-    /// there are errors, because one error can cause many. Excess findings are replaced by their count.
+    /// Returns all findings in file order; findings without a position come first. If there are errors,
+    /// warnings are omitted, because one error can cause many. Excess findings are replaced by a summary with
+    /// their number.
     pub(super) fn into_diagnostics(mut self) -> Vec<Diagnostic> {
         let severity = if self.has_errors() { Severity::Error } else { Severity::Warning };
         self.diagnostics.retain(|diagnostic| diagnostic.severity == severity);

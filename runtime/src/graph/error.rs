@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use super::diagnostic::{Diagnostic, DiagnosticReport};
 
-/// All errors found in a graph, at least one.
+/// All errors found in a graph; there is at least one.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(transparent)]
 pub struct GraphError {
@@ -16,7 +16,7 @@ impl GraphError {
         Self { diagnostics }
     }
 
-    /// Returns the errors in file order; excess errors are replaced by their count.
+    /// Returns the errors in file order. Excess errors are replaced by a summary with their number.
     pub fn diagnostics(&self) -> &[Diagnostic] {
         &self.diagnostics
     }
@@ -26,7 +26,8 @@ impl GraphError {
         self.diagnostics.iter().map(Diagnostic::report).collect()
     }
 
-    /// Renders all errors with the affected lines of the file, and a final count.
+    /// Renders all errors with the affected lines of the file, followed by their number. `colour` enables
+    /// terminal colours.
     pub fn render(&self, colour: bool) -> String {
         let mut text = String::new();
         for diagnostic in &self.diagnostics {

@@ -10,8 +10,7 @@ pub(super) const LONGEST: u64 = 16 * 1024 * 1024;
 /// Reads a regular file of at most [`LONGEST`] bytes.
 ///
 /// # Errors
-/// The file cannot be read or is too long, or the path names a folder, or a device or pipe, which may have no
-/// end.
+/// The file cannot be read or is too long, or the path names a folder, a device or a pipe.
 pub(super) fn read(path: &Path) -> std::io::Result<Vec<u8>> {
     // Checked before opening, because opening a pipe would block until its other end is open.
     let metadata = std::fs::metadata(path)?;

@@ -40,7 +40,7 @@ pub(super) fn to_json(value: &Value<'_>, report: &mut Report) -> Option<Json> {
                 None => {
                     report
                         .error(format!("{} is not a finite number", number.as_str()))
-                        .label(&value.span(), "a configuration holds finite numbers only")
+                        .label(&value.span(), "expected a finite number")
                         .advise("leave the key out if it means \"no limit\"");
                     return None;
                 }
@@ -67,9 +67,9 @@ pub(super) fn to_json(value: &Value<'_>, report: &mut Report) -> Option<Json> {
 
 /// Positions of a key in a `config` table.
 pub(super) struct Found {
-    /// Span of the key itself, or of an element of an array.
+    /// Position of the key itself, or of an element of an array.
     pub key: Span,
-    /// Span of its value.
+    /// Position of the value.
     pub value: Span,
 }
 

@@ -81,7 +81,10 @@ impl Layers {
         let (name, identity) = (path.display(), identity(&path));
         let refuse = |message: String, advice: &str| Err((message, advice.to_string()));
         if chain.iter().any(|layer| layer.identity == identity) {
-            return refuse(format!("`{name}` extends itself"), "a file extends one that does not extend it");
+            return refuse(
+                format!("`{name}` extends itself"),
+                "remove `extends` from one of the files of this cycle",
+            );
         }
         if self.files.iter().any(|layer| layer.identity == identity) {
             return Ok(None);
@@ -113,7 +116,7 @@ impl Layers {
         }
         match String::from_utf8(bytes) {
             Ok(text) => Ok(Some((path, text))),
-            Err(_) => refuse(format!("the file `{name}` is not text"), "save the file as UTF-8"),
+            Err(_) => refuse(format!("the file `{name}` is not UTF-8 text"), "save the file as UTF-8"),
         }
     }
 

@@ -1,14 +1,14 @@
 //! The machine for which a graph is checked.
 
-/// The cores a graph may use.
+/// The cores that a graph may use.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Machine {
     cores: Vec<usize>,
 }
 
 impl Machine {
-    /// Detects the online cores, including cores isolated from the scheduler. Permission to use a core is
-    /// only known once a process is pinned to it.
+    /// Detects the online cores of this machine, including cores that are isolated from the scheduler.
+    /// Whether a core may be used is only known once a process is pinned to it.
     pub fn detect() -> Self {
         Self::with_cores(crate::os::machine::online_cores())
     }
@@ -23,7 +23,7 @@ impl Machine {
         Self { cores }
     }
 
-    /// Returns its cores in ascending order, at least one.
+    /// Returns the cores in ascending order. There is at least one.
     pub fn cores(&self) -> &[usize] {
         &self.cores
     }

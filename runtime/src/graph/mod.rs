@@ -44,30 +44,30 @@ use diagnostic::Report;
 use layers::Layers;
 use source::Sources;
 
-/// A graph that can run.
+/// A checked graph, which can run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Checked {
     /// The resolved graph.
     pub plan: Plan,
-    /// Warnings about valid but probably unintended settings.
+    /// Warnings about settings that are valid but probably unintended.
     pub warnings: Vec<Diagnostic>,
-    /// Declaration time of each component, in file order.
+    /// Time for the declaration of each component, in file order.
     pub declared: Vec<DeclareTime>,
 }
 
-/// Reads a graph file, applies `overrides`, and performs all checks possible before the start, for the
-/// current machine.
+/// Reads a graph file, applies `overrides`, and performs all checks that are possible before the start, for
+/// the current machine.
 ///
 /// # Errors
-/// All mistakes found, each with its position and advice.
+/// Returns all errors found, each with its position and advice.
 pub fn load(path: &Path, overrides: &[Override], registry: &Registry) -> Result<Checked, GraphError> {
     load_for(path, overrides, registry, &Machine::detect())
 }
 
-/// Like [`load`], for a given machine.
+/// Loads a graph file like [`load`], for the machine `machine`.
 ///
 /// # Errors
-/// All mistakes found, each with its position and advice.
+/// Returns all errors found, each with its position and advice.
 pub fn load_for(
     path: &Path,
     overrides: &[Override],
@@ -77,11 +77,11 @@ pub fn load_for(
     load_with(path, &[], overrides, registry, machine)
 }
 
-/// Like [`load_for`], with overlay files applied to the graph file in order, before the `overrides`. An
-/// overlay is a graph file that contains only differences.
+/// Loads a graph file like [`load_for`], and applies overlay files to it, in order, before the `overrides`.
+/// An overlay is a graph file that contains only differences.
 ///
 /// # Errors
-/// All mistakes found, each with its position and advice.
+/// Returns all errors found, each with its position and advice.
 pub fn load_with(
     path: &Path,
     overlays: &[PathBuf],
@@ -92,10 +92,10 @@ pub fn load_with(
     check_with(path, read(path)?, overlays, overrides, registry, machine)
 }
 
-/// Like [`load_with`], with a text replacing the content of the file at `path`.
+/// Checks a graph like [`load_with`], with `text` in place of the content of the file at `path`.
 ///
 /// # Errors
-/// All mistakes found, each with its position and advice.
+/// Returns all errors found, each with its position and advice.
 pub fn check_with(
     path: &Path,
     text: String,
@@ -115,10 +115,10 @@ pub fn check_with(
     check_layers(path, layers, overrides, registry, machine)
 }
 
-/// Like [`load_for`], with a text replacing the content of the file at `path`.
+/// Checks a graph like [`load_for`], with `text` in place of the content of the file at `path`.
 ///
 /// # Errors
-/// All mistakes found, each with its position and advice.
+/// Returns all errors found, each with its position and advice.
 pub fn check(
     path: &Path,
     text: String,
@@ -191,7 +191,7 @@ fn not_text(path: &Path, error: &std::string::FromUtf8Error) -> GraphError {
     let text = String::from_utf8_lossy(&error.as_bytes()[..valid]).into_owned();
     let mut report = Report::new(Arc::new(Sources::of_file(path.display().to_string(), text)));
     report
-        .error("the graph file is not text")
+        .error("the graph file is not UTF-8 text")
         .label(&(valid..valid), "the first byte that is not UTF-8 follows here")
         .advise("save the file as UTF-8");
     GraphError::new(report.into_diagnostics())

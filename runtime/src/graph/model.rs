@@ -30,48 +30,49 @@ pub(super) use safety::{ActuatorSafetyTable, SafetyTable};
 #[derive(Debug, JsonSchema)]
 #[schemars(deny_unknown_fields, rename = "Graph")]
 pub(super) struct GraphTable<'i> {
-    /// Base graph file, relative to this one. Tables are merged key by key; other values override the base
-    /// file's.
+    /// Base graph file, relative to this file. Tables of this file are merged into the base file's key by
+    /// key; other values replace the base file's values.
     pub extends: Option<At<String>>,
-    /// Dotted paths of keys removed from the base files before this one is applied, such as
+    /// Dotted paths of keys to remove from the base files before this file is applied, such as
     /// `component.encoder`.
     pub remove: Option<At<Vec<At<String>>>>,
     /// Name of the graph.
     #[schemars(required)]
     pub name: Option<At<Name>>,
-    /// `realtime`: the machine's clock. `lockstep`: simulated time, deterministic, as fast as possible.
+    /// `realtime`: the machine's clock. `lockstep`: simulated time, deterministic and as fast as possible.
     #[schemars(extend("default" = defaults::CLOCK))]
     pub clock: Option<At<ClockKind>>,
-    /// Duration of the run. Default: until stopped.
+    /// Duration of the run. Default: until the run is stopped.
     pub duration: Option<At<TimeSpan>>,
-    /// Seed of all random numbers: every component derives its own from this and its name.
+    /// Seed of the run, from which the seed of every component is derived, together with the component's
+    /// name.
     #[schemars(extend("default" = defaults::SEED))]
     pub seed: Option<At<u64>>,
-    /// Division of the run into episodes. In lockstep each begins with a reset of all components, in real
-    /// time without one.
+    /// Division of the run into episodes. In lockstep each episode begins with a reset of all components, in
+    /// real time without a reset.
     pub episodes: Option<At<EpisodesTable>>,
-    /// Use of the cores.
+    /// Assignment of the machine's cores.
     pub cores: Option<At<CoresTable>>,
-    /// Settings of real time.
+    /// Settings for real time.
     pub realtime: Option<At<RealtimeTable>>,
     /// The world around the robots, shared by all components that simulate or perceive it: gravity, ground,
     /// objects. Poses are in the world frame, z up.
     pub world: Option<At<AnyTable<'i>>>,
     /// Robots, by name.
     pub robot: Option<At<Named<RobotTable>>>,
-    /// Components by name; each runs as a separate process.
+    /// Components, by name. Each runs as a separate process.
     #[schemars(required)]
     pub component: Option<At<Named<ComponentTable<'i>>>>,
     /// Settings of topics, by name.
     pub topic: Option<At<Named<TopicTable>>>,
-    /// End-to-end latency budgets, measured from stamps that travel with the data.
+    /// End-to-end latency budgets, measured from the stamps that travel with the data.
     pub latency: Option<At<Vec<At<LatencyTable>>>>,
     /// Limits and states for the safety of the robot.
     pub safety: Option<At<SafetyTable>>,
-    /// Conditions on figures of the report: `"controller.position_error_m" = "<= 1e-3"`. A run that ends
-    /// normally but violates them has its own exit code.
+    /// Conditions on values in the report, such as `"controller.position_error_m" = "<= 1e-3"`. A run that
+    /// ends normally but violates a condition has a separate exit code.
     pub expect: Option<At<Expectations>>,
-    /// Known keys that misspelt ones probably mean.
+    /// Known keys of which the file's unknown keys are probably misspellings.
     #[schemars(skip)]
     pub meant: Vec<&'static str>,
 }
@@ -107,7 +108,7 @@ impl<'i> GraphTable<'i> {
         for at in table.extends.iter().map(|at| &at.key).chain(table.remove.iter().map(|at| &at.key)) {
             keys.report()
                 .error("`extends` and `remove` cannot be set from the command line")
-                .label(at, "belongs into a file")
+                .label(at, "expected in a file")
                 .advise("write a separate file, and merge it over the graph by `--with FILE`");
         }
         table.meant = keys.finish("the graph");
@@ -122,7 +123,7 @@ pub(super) struct EpisodesTable {
     /// Number of episodes. Each lasts for `duration`, or until the component with `ends_episode` ends it.
     #[schemars(range(min = 1), extend("default" = defaults::EPISODES))]
     pub count: Option<At<u64>>,
-    /// If true, each episode has a separate seed: the graph's plus the index of the episode.
+    /// If true, each episode has a separate seed: the graph's seed plus the index of the episode.
     #[schemars(extend("default" = false))]
     pub vary_seed: Option<At<bool>>,
 }
@@ -136,15 +137,15 @@ impl<'i> Read<'i> for EpisodesTable {
     }
 }
 
-/// Use of the cores.
+/// Assignment of the machine's cores.
 #[derive(Debug, JsonSchema)]
 #[schemars(deny_unknown_fields, rename = "Cores")]
 pub(super) struct CoresTable {
-    /// Cores of real-time components. If left out: the last core of the machine.
+    /// Cores for real-time components. Default: the last core of the machine.
     #[schemars(length(min = 1), extend("uniqueItems" = true))]
     pub realtime: Option<At<Vec<At<usize>>>>,
-    /// Cores of everything else. If left out: all that are not real-time, or the same one on a machine with
-    /// one core.
+    /// Cores for everything else. Default: all cores that are not real-time; on a machine with one core, that
+    /// core.
     #[schemars(length(min = 1), extend("uniqueItems" = true))]
     pub shared: Option<At<Vec<At<usize>>>>,
 }
@@ -158,28 +159,29 @@ impl<'i> Read<'i> for CoresTable {
     }
 }
 
-/// Settings of real time.
+/// Settings for real time.
 #[derive(Debug, JsonSchema)]
 #[schemars(deny_unknown_fields, rename = "Realtime")]
 pub(super) struct RealtimeTable {
-    /// Time before its release at which a waiting real-time component stops sleeping and spins. `"0 us"`
-    /// disables spinning; `"auto"` adapts to the measured wake-up errors of this machine.
+    /// Time before its release at which a waiting real-time component stops sleeping and starts spinning. `"0
+    /// us"` disables spinning; `"auto"` adapts the time to the measured wake-up errors of this machine.
     #[schemars(extend("default" = defaults::SPIN))]
     pub spin: Option<At<SpinChoice>>,
-    /// Maximum share of its core for a component with `"auto"` spin.
+    /// Maximum share of its core that a component may use for an `"auto"` spin.
     #[schemars(extend("default" = defaults::SPIN_SHARE))]
     pub spin_share: Option<At<Share>>,
-    /// Policy for requests for priorities, cores and locked memory that the system denies: continue and
-    /// report them, or refuse to run.
+    /// Policy for priorities, cores and locked memory that the system denies: continue and report them, or
+    /// refuse to run.
     #[schemars(extend("default" = defaults::ON_DENIED))]
     pub on_denied: Option<At<OnDenied>>,
-    /// Idle states with a longer exit latency are disabled on all cores while the graph runs.
+    /// Maximum exit latency of idle states: deeper idle states are disabled on all cores while the graph
+    /// runs.
     #[schemars(extend("default" = defaults::IDLE_EXIT))]
     pub idle_exit: Option<At<TimeSpan>>,
-    /// Time without a step after which a component counts as hung and is ended. Default: 20 of its periods,
-    /// at least 200 ms, or 1 s for a component that is not real-time.
+    /// Time without a step after which a component counts as hung and is ended. Default: 20 periods of the
+    /// component, but at least 200 ms, or 1 s for a component that is not real-time.
     pub hang_after: Option<At<TimeSpan>>,
-    /// Share of lost steps above which a component causes a warning.
+    /// Share of lost steps above which a warning about a component is printed.
     #[schemars(extend("default" = defaults::LOST_STEPS))]
     pub lost_steps: Option<At<Share>>,
 }
@@ -197,7 +199,7 @@ impl<'i> Read<'i> for RealtimeTable {
 #[derive(Debug, JsonSchema)]
 #[schemars(deny_unknown_fields, rename = "Topic")]
 pub(super) struct TopicTable {
-    /// Number of older values of a state kept for taps (`motorium topic echo --every`, recorders), up to
+    /// Number of older values of a state to keep for taps (`motorium topic echo --every`, recorders), at most
     /// 10000.
     #[schemars(range(max = 10_000), extend("default" = 0))]
     pub history: Option<At<usize>>,
@@ -216,36 +218,38 @@ impl<'i> Read<'i> for TopicTable {
 #[derive(Debug, JsonSchema)]
 #[schemars(deny_unknown_fields, rename = "Component")]
 pub(super) struct ComponentTable<'i> {
-    /// A built-in kind of component.
+    /// Kind of the component, if it is built in.
     pub kind: Option<At<String>>,
-    /// The user's own program instead of a built-in kind, relative to the graph file.
+    /// Path of the user's program, relative to the graph file, in place of a built-in kind.
     pub exec: Option<At<String>>,
-    /// The robot it works on: a name from `[robot]`.
+    /// Robot on which the component works: a name from `[robot]`.
     pub robot: Option<At<String>>,
-    /// Several robots instead of one, for kinds that support it: names from `[robot]`, each once. A port
+    /// Several robots in place of one, for kinds that support it: names from `[robot]`, each once. Port
     /// `PORT` of robot `NAME` is then called `NAME.PORT`.
     pub robots: Option<At<Vec<At<String>>>>,
-    /// Steps at fixed times.
+    /// Rate at which the component steps.
     pub rate: Option<At<Rate>>,
-    /// Steps whenever this topic is published; the component must subscribe to it.
+    /// Topic that triggers the component: it steps whenever the topic is published. The component must
+    /// subscribe to it.
     pub trigger: Option<At<TopicName>>,
-    /// Steps on external events, for kinds that wait for them.
+    /// Events outside the graph that trigger the component, for kinds that can wait for them.
     pub activate: Option<At<ActivateTable>>,
     /// Offset of the first step within the period; only with `rate`.
     #[schemars(extend("default" = defaults::PHASE))]
     pub phase: Option<At<TimeSpan>>,
-    /// Execution time allowed per step.
+    /// Allowed execution time per step.
     pub budget: Option<At<TimeSpan>>,
-    /// Real-time, or not.
+    /// Scheduling class: real-time or not.
     #[schemars(extend("default" = defaults::SCHEDULE))]
     pub schedule: Option<At<Schedule>>,
-    /// Real-time priority. Default: the faster the component, the higher; in a trigger chain, the priority of
-    /// its head.
+    /// Real-time priority. Default: the faster the component, the higher. In a trigger chain, it is the
+    /// priority of the chain's head.
     #[schemars(range(min = 1, max = 98))]
     pub priority: Option<At<i64>>,
-    /// Spin time before releases, overriding `[realtime]`; only with `rate`.
+    /// Time of spinning before each release, which overrides `[realtime]`; only with `rate`.
     pub spin: Option<At<SpinChoice>>,
-    /// Core, one of those in `[cores]`. Default: the core of its trigger chain, or the first of its class.
+    /// Core of the component, one of the cores in `[cores]`. Default: the core of its trigger chain, or the
+    /// first core of its class.
     pub core: Option<At<usize>>,
     /// Inputs: `port = "topic"`.
     pub subscribe: Option<At<Named<TopicName>>>,
@@ -255,41 +259,41 @@ pub(super) struct ComponentTable<'i> {
     pub params: Option<At<Named<ParameterValue>>>,
     /// Configuration of the kind.
     pub config: Option<At<AnyTable<'i>>>,
-    /// Consequence of a step that ran past the next release.
+    /// Policy for a step that ran past the next release.
     #[schemars(extend("default" = defaults::ON_OVERRUN))]
     pub on_overrun: Option<At<OnOverrun>>,
-    /// Time without a step after which it counts as hung and is ended, overriding `[realtime]`.
+    /// Time without a step after which the component counts as hung and is ended. Overrides `[realtime]`.
     pub hang_after: Option<At<TimeSpan>>,
-    /// Time it may compute without waiting before the kernel kills it; only with `schedule = "fifo"`.
-    /// Default: 10 budgets (or periods, without a budget), at least 50 ms.
+    /// Time for which the component may compute without sleeping before the kernel kills it; only with
+    /// `schedule = "fifo"`. Default: 10 budgets (or periods, without a budget), but at least 50 ms.
     pub cpu_limit: Option<At<TimeSpan>>,
-    /// Share of its steps that it may lose without a warning, overriding `[realtime]`.
+    /// Share of its steps that the component may lose without a warning. Overrides `[realtime]`.
     pub lost_steps: Option<At<Share>>,
-    /// Number of late steps tolerated before the graph enters its safe state; each punctual step offsets a
-    /// late one. Default: none with `on_overrun = "safe_stop"`, otherwise unlimited.
+    /// Number of late steps above which the graph enters its safe state. Each punctual step offsets a late
+    /// one. Default: 0 with `on_overrun = "safe_stop"`, otherwise unlimited.
     pub overruns_tolerated: Option<At<u32>>,
-    /// Consequence of a step that failed.
+    /// Policy for a step that failed.
     #[schemars(extend("default" = defaults::ON_ERROR))]
     pub on_error: Option<At<OnError>>,
-    /// Consequence of a failure without restart.
+    /// Policy for a failure without a restart.
     #[schemars(extend("default" = defaults::ON_FAILURE))]
     pub on_failure: Option<At<OnFailure>>,
     /// Restart policy.
     pub restart: Option<At<RestartTable>>,
-    /// Time allowed for stopping at the end of a run before it is killed.
+    /// Time within which the component must stop at the end of a run before it is killed.
     #[schemars(extend("default" = defaults::STOP_WITHIN))]
     pub stop_within: Option<At<TimeSpan>>,
-    /// If true, the component may end an episode early. At most one component of a graph, of a kind that
-    /// supports it.
+    /// If true, the component may end an episode early. Allowed for at most one component of a graph, of a
+    /// kind that supports it.
     #[schemars(extend("default" = false))]
     pub ends_episode: Option<At<bool>>,
-    /// If true, the component begins the episodes of a run in real time. At most one component of a graph, of
-    /// a kind that supports it.
+    /// If true, the component begins the episodes of a run in real time. Allowed for at most one component of
+    /// a graph, of a kind that supports it.
     #[schemars(extend("default" = false))]
     pub begins_episodes: Option<At<bool>>,
     /// Safety settings of an actuator, which override `[safety]`.
     pub safety: Option<At<ActuatorSafetyTable>>,
-    /// Known keys that misspelt ones probably mean.
+    /// Known keys of which the file's unknown keys are probably misspellings.
     #[schemars(skip)]
     pub meant: Vec<&'static str>,
 }
@@ -311,16 +315,16 @@ impl<'i> Read<'i> for ComponentTable<'i> {
 #[derive(Debug, JsonSchema)]
 #[schemars(deny_unknown_fields, rename = "Restart")]
 pub(super) struct RestartTable {
-    /// Condition of a restart.
+    /// Condition under which a component is restarted.
     #[schemars(extend("default" = defaults::RESTART_WHEN))]
     pub when: Option<At<RestartWhen>>,
     /// Maximum number of restarts within `window`.
     #[schemars(range(min = 1), extend("default" = defaults::RESTART_AT_MOST))]
     pub at_most: Option<At<u32>>,
-    /// Time over which restarts are counted.
+    /// Time window over which restarts are counted.
     #[schemars(extend("default" = defaults::RESTART_WINDOW))]
     pub window: Option<At<TimeSpan>>,
-    /// A restarted component must step again within this time.
+    /// Time within which a restarted component must step again.
     #[schemars(extend("default" = defaults::RESTART_WITHIN))]
     pub within: Option<At<TimeSpan>>,
 }
@@ -338,19 +342,19 @@ impl<'i> Read<'i> for RestartTable {
 #[derive(Debug, JsonSchema)]
 #[schemars(deny_unknown_fields, rename = "Latency")]
 pub(super) struct LatencyTable {
-    /// Topic where the data originates: published by a component at the head of a chain.
+    /// Topic where the data originates. It must be published by a component at the head of a trigger chain.
     #[schemars(required)]
     pub from: Option<At<TopicName>>,
-    /// Topic where it ends.
+    /// Topic where the measured latency ends.
     #[schemars(required)]
     pub to: Option<At<TopicName>>,
-    /// Longest time from the source time of `from` to the publication of `to`.
+    /// Maximum time from the source time of `from` to the publication of `to`.
     #[schemars(required)]
     pub max: Option<At<TimeSpan>>,
-    /// Consequence of a longer latency.
+    /// Policy for a latency above `max`.
     #[schemars(extend("default" = defaults::ON_MISS))]
     pub on_miss: Option<At<OnMiss>>,
-    /// Known keys that misspelt ones probably mean.
+    /// Known keys of which the file's unknown keys are probably misspellings.
     #[schemars(skip)]
     pub meant: Vec<&'static str>,
 }

@@ -14,19 +14,20 @@ use super::read::Value;
 use super::source::{Source, Span};
 use crate::nearest::{list, nearest};
 
-/// A value of the command line that overrides the file.
+/// A value from the command line that overrides a value in the file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Override {
-    /// Dotted path of the key: `clock`, `duration`, `controller.config.damping`, `latency.0.max`.
+    /// Dotted path of the key, such as `clock`, `duration`, `controller.config.damping` or `latency.0.max`.
     /// `component.NAME` may be shortened to `NAME`.
     pub path: String,
-    /// The value as TOML; anything else is treated as text, so that `clock=lockstep` needs no quotes.
+    /// The value in TOML. Anything that is not valid TOML is treated as text, so `clock=lockstep` needs no
+    /// quotes.
     pub value: String,
 }
 
-/// The argument is not a valid override.
+/// Error of parsing an override.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("`{0}` sets nothing: expected `component.key=value`, such as `controller.config.damping=1e-4`")]
+#[error("`{0}` is not an override, expected `component.key=value`, such as `controller.config.damping=1e-4`")]
 pub struct OverrideError(String);
 
 impl core::str::FromStr for Override {
@@ -97,7 +98,7 @@ fn read_value<'i>(
         }
         Err(_) if setting.value.is_empty() => {
             report
-                .error(format!("`{}` is set to nothing", setting.path))
+                .error(format!("`{}` is set without a value", setting.path))
                 .label(&span, "a value is missing")
                 .advise(format!("for empty text write --set '{}=\"\"'", setting.path));
             None
@@ -217,7 +218,7 @@ fn element<'t, 'i>(
             count => format!("expected a number from 0 to {}", count - 1),
         };
         report
-            .error(format!("`{name}` is not the place of an entry in an array"))
+            .error(format!("`{name}` is not the index of an array entry"))
             .label(&span, label)
             .advise("count entries from 0, as in `latency.0.max`");
     }

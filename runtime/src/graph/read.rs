@@ -15,9 +15,9 @@ pub(super) type Value<'i> = Spanned<DeValue<'i>>;
 /// The value at a key of the file.
 #[derive(Debug, Clone)]
 pub(super) struct At<T> {
-    /// The value; `None` if it was rejected and reported.
+    /// The value; `None` if it was invalid, which has been reported.
     pub value: Option<T>,
-    /// Position of the value.
+    /// Position of the value in the file.
     pub span: Span,
     /// Position of the key, or of the value for an array element.
     pub key: Span,

@@ -12,13 +12,13 @@ pub(super) type Span = Range<usize>;
 /// A text.
 #[derive(Clone, PartialEq, Eq)]
 pub(super) struct Source {
-    /// Name in messages: the path of the file, or `--set`.
+    /// Name of the text in messages: the path of the file, or `--set`.
     pub name: String,
-    /// Its content.
+    /// Content of the text.
     pub text: String,
-    /// Offset of its first byte in the shared range.
+    /// Offset of the text's first byte in the shared range.
     pub start: usize,
-    /// Folder for its relative paths.
+    /// Folder that relative paths in the text refer to.
     pub folder: PathBuf,
 }
 

@@ -14,7 +14,7 @@ const LONGEST_QUIET_NS: u64 = 64_000_000_000;
 /// Simulated time between two polls in lockstep, ns.
 const LOOK_NS: u64 = 100_000_000;
 
-/// Time of the next report of a persistent condition: immediately at first, then after doubling intervals.
+/// Time of the next report of a persistent condition: immediately at first, then at doubling intervals.
 #[derive(Debug, Clone, Default)]
 struct Pause {
     until_ns: u64,
@@ -22,7 +22,7 @@ struct Pause {
 }
 
 impl Pause {
-    /// Returns `true` if a change is to be reported at `now_ns`.
+    /// Returns `true` if a change must be reported at `now_ns`.
     fn is_over(&mut self, now_ns: u64) -> bool {
         if now_ns < self.until_ns {
             return false;
@@ -47,7 +47,7 @@ struct Told<T> {
 }
 
 impl<T: Clone + PartialEq> Told<T> {
-    /// Returns the previously reported value if the counter has changed and is to be reported now.
+    /// Returns the previously reported value if the counter has changed and the change must be reported now.
     fn change(&mut self, count: &T, now_ns: u64, all: bool) -> Option<T> {
         if self.count == *count || !(all || self.pause.is_over(now_ns)) {
             return None;
@@ -64,7 +64,7 @@ struct Account {
     /// Reported entries into the safe state, and the reported state.
     entries: u64,
     state: GateState,
-    /// Reported safe states without rest and late resumes.
+    /// Reported numbers of safe states without rest, and of late recoveries.
     faults: [u32; 2],
     /// Refusals at the last poll.
     refusals_seen: u64,
@@ -241,8 +241,8 @@ const GATE_FAULTS: [&str; 2] = [
     "has been resuming for more than 2 s: its command is too far away, or too fast for its limits",
 ];
 
-/// Returns the numbers of safe states in which joints did not come to rest in time, and of resumes that took
-/// too long.
+/// Returns the numbers of safe states in which joints did not come to rest in time, and of recoveries that
+/// lasted too long.
 pub(super) fn gate_faults(block: &ComponentBlock) -> [u32; 2] {
     [block.gate.unsettled(), block.gate.late_resumes()]
 }

@@ -274,7 +274,7 @@ impl Child {
         self.dropped.swap(0, Relaxed)
     }
 
-    /// Returns its end, once it has ended or is ending.
+    /// Returns the end of the component, or `None` while it is alive.
     pub(super) fn ended(&mut self) -> Option<End> {
         self.is_gone();
         if self.ended.is_none() {
@@ -293,7 +293,8 @@ impl Child {
         self.ended
     }
 
-    /// Returns the time at which its end was detected, ns; `None` if the start of the end was not detected.
+    /// Returns the time at which the end was detected, ns; `None` if it was not detected before the process
+    /// was gone.
     pub(super) fn seen_ns(&self) -> Option<u64> {
         match &self.body {
             Body::Process { ending, .. } => ending.as_ref().and_then(Ending::seen_ns),

@@ -11,40 +11,39 @@ use crate::os::machine::CoreTimes;
 /// Length of a tick in `/proc/stat`, ms: `USER_HZ` is 100 on every architecture that Linux runs on today.
 const TICK_MS: f64 = 10.0;
 
-/// Other work on one core during a run.
+/// Activity on one core during a run, other than the run's components.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct CoreReport {
-    /// The core.
+    /// Index of the core.
     pub core: usize,
-    /// Time of the measurement, s.
+    /// Duration of the measurement, s.
     pub seconds: f64,
     /// Time stolen by the host of a virtual machine, ms (`steal` of `/proc/stat`, in steps of 10 ms).
     pub steal_ms: f64,
-    /// Time in interrupts and soft interrupts, ms, in steps of 10 ms; 0 if the kernel does not account for
-    /// it.
+    /// Time in interrupts and soft interrupts, ms, in steps of 10 ms; 0 if the kernel does not measure it.
     pub interrupt_ms: f64,
-    /// Interrupts that occurred, by name in `/proc/interrupts`: `LOC` is the timer, `RES` and `CAL` are other
-    /// cores, the rest are devices.
+    /// Number of interrupts, by name in `/proc/interrupts`. `LOC` is the timer, `RES` and `CAL` are from
+    /// other cores, and the others are from devices.
     pub interrupts: BTreeMap<String, u64>,
-    /// Soft interrupts that occurred, by name in `/proc/softirqs`.
+    /// Number of soft interrupts, by name in `/proc/softirqs`.
     pub softirqs: BTreeMap<String, u64>,
 }
 
 impl CoreReport {
-    /// Returns the number of all interrupts.
+    /// Returns the total number of interrupts.
     pub fn interrupts_in_all(&self) -> u64 {
         self.interrupts.values().sum()
     }
 
-    /// Returns the number of device interrupts, which could be moved to another core; excludes timers and
-    /// interrupts by other cores.
+    /// Returns the number of device interrupts, which could be moved to another core. Timer interrupts and
+    /// interrupts from other cores do not count.
     pub fn from_devices(&self) -> u64 {
         let device =
             |name: &&String| !(name.len() == 3 && name.chars().all(|letter| letter.is_ascii_uppercase()));
         self.interrupts.iter().filter(|(name, _)| device(name)).map(|(_, count)| count).sum()
     }
 
-    /// Adds a measurement of the same core over another interval.
+    /// Adds a measurement of the same core over another interval to this one.
     pub fn add(&mut self, other: &Self) {
         self.seconds += other.seconds;
         self.steal_ms += other.steal_ms;
@@ -57,7 +56,7 @@ impl CoreReport {
     }
 }
 
-/// A measurement of other work on cores.
+/// A measurement of the activity on several cores.
 #[derive(Debug)]
 pub struct CoreWatch {
     since: Instant,
@@ -73,7 +72,7 @@ impl CoreWatch {
         Self { cores, before: Counts::now(), since: Instant::now() }
     }
 
-    /// Returns the measurements of each core since the start; zero without counts of the system.
+    /// Returns the activity of each core since the start. Values that the system does not count are zero.
     pub fn stop(&self) -> Vec<CoreReport> {
         let seconds = self.since.elapsed().as_secs_f64();
         let after = Counts::now();

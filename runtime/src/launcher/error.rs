@@ -6,13 +6,13 @@ use crate::domain::{DomainError, ServiceError};
 use crate::run_folder::RunFolderError;
 use crate::transport::PortError;
 
-/// Error of a launch.
+/// Error of launching a run.
 #[derive(Debug, thiserror::Error)]
 pub enum LaunchError {
-    /// The run's folder or control block could not be created.
+    /// The folder or the control block of the run could not be created.
     #[error(transparent)]
     Folder(#[from] RunFolderError),
-    /// The run's domain could not be joined.
+    /// The iceoryx2 domain of the run could not be joined.
     #[error(transparent)]
     Domain(#[from] DomainError),
     /// A topic or parameter could not be created.
@@ -24,49 +24,49 @@ pub enum LaunchError {
     /// A process could not be started.
     #[error("component `{name}`: {program} could not be started: {reason}")]
     Start {
-        /// The component.
+        /// Name of the component.
         name: String,
-        /// Its program.
+        /// Path of its program.
         program: PathBuf,
-        /// The error of the system.
+        /// Error of the operating system.
         reason: String,
     },
     /// A component failed before the start of the graph.
     #[error("component `{name}` did not start: {reason}")]
     Component {
-        /// The component.
+        /// Name of the component.
         name: String,
-        /// Its error, or the kind of its end.
+        /// The component's error, or the cause of its end.
         reason: String,
     },
-    /// A resource of this machine or process is insufficient. Nothing was created.
+    /// The machine or the process lacks a resource. Nothing was created.
     #[error("{what}: the graph needs {need}, but {found}; {advice}")]
     Exhausted {
-        /// The shortage.
+        /// The resource that is short.
         what: &'static str,
         /// The amount that the graph needs.
         need: String,
-        /// Available amount, as a clause.
+        /// Available amount, as a clause that completes the message.
         found: String,
-        /// Advice, in one sentence.
+        /// Advice in one sentence.
         advice: String,
     },
     /// The system denied an operation that the launcher needs.
     #[error("{what}: {reason}")]
     System {
-        /// The attempted operation.
+        /// The operation that was denied.
         what: &'static str,
-        /// The error of the system.
+        /// Error of the operating system.
         reason: String,
     },
     /// The graph cannot run with the requested options. Nothing was created.
     #[error("{what}: {reason}; {advice}")]
     Unsuitable {
-        /// Requested value.
+        /// The requested option.
         what: String,
-        /// Reason for the rejection.
+        /// Reason why the graph cannot run with this option.
         reason: String,
-        /// Advice, in one sentence.
+        /// Advice in one sentence.
         advice: &'static str,
     },
 }

@@ -6,190 +6,191 @@ use super::{Exit, Status};
 use crate::plan::Plan;
 use crate::region::{EventKind, EventSeverity, Latch, Misses, Refusal};
 
-/// An event of a run.
+/// An event of a run, passed to the observer.
 #[derive(Debug)]
 pub enum Event<'a> {
     /// The run's services exist; its components are being started.
     Created {
-        /// The run's name.
+        /// Id of the run.
         run: &'a str,
-        /// The plan.
+        /// Plan of the run.
         plan: &'a Plan,
     },
-    /// Requests that the system denied, in one line.
+    /// The system denied requests of the graph; they are listed in one line.
     Lost(&'a str),
     /// All ports are connected; the first step is due.
     Started,
-    /// A line printed by a component.
+    /// A component printed a line.
     Output {
-        /// The component.
+        /// Name of the component.
         component: &'a str,
-        /// The line.
+        /// The printed line.
         line: &'a str,
     },
     /// A component failed.
     Failed {
-        /// The component.
+        /// Name of the component.
         component: &'a str,
         /// Index of the step at which it failed.
         tick: u64,
-        /// The reason.
+        /// Reason of the failure.
         reason: &'a str,
-        /// The consequence.
+        /// Consequence of the failure, such as a restart.
         consequence: &'a str,
-        /// Time of its detection, ns of the monotonic clock; `None` for now.
+        /// Time at which the failure was detected, `CLOCK_MONOTONIC` ns; `None` for the time of the event.
         seen_ns: Option<u64>,
     },
     /// A restarted component steps again.
     Restarted {
-        /// The component.
+        /// Name of the component.
         component: &'a str,
-        /// Time from its end to its first step, ns.
+        /// Time from the component's end to its first step after the restart, ns.
         after_ns: u64,
     },
     /// All components and simulated time were reset for an episode.
     Reset {
-        /// Number of the episode.
+        /// Index of the episode.
         episode: u64,
-        /// Its seed.
+        /// Seed of the episode.
         seed: u64,
     },
-    /// A real-time episode began.
+    /// An episode of real time began, without a reset.
     EpisodeBegan {
-        /// Number of the episode.
+        /// Index of the episode.
         episode: u64,
-        /// Its seed.
+        /// Seed of the episode.
         seed: u64,
     },
     /// Steps of a component ended after their deadline.
     Missed {
-        /// The component.
+        /// Name of the component.
         component: &'a str,
-        /// Their number by cause, since the last event of this kind.
+        /// Number of missed steps by cause, since the last event of this kind.
         misses: Misses,
     },
     /// Latencies were above their budget.
     LatencyMissed {
-        /// Topic at the head of the chain.
+        /// Name of the topic at the head of the chain.
         from: &'a str,
-        /// Topic at its end.
+        /// Name of the topic at the end of the chain.
         to: &'a str,
-        /// Their number since the last event of this kind.
+        /// Number of latencies above the budget since the last event of this kind.
         count: u64,
-        /// The budget, ns.
+        /// Latency budget, ns.
         max_ns: u64,
-        /// The longest latency of the run so far, ns.
+        /// Longest latency of the run so far, ns.
         longest_ns: u64,
     },
     /// The command gate of an actuator refused commands.
     Refused {
-        /// The actuator.
+        /// Name of the actuator.
         component: &'a str,
-        /// Their number by reason, since the last event of this kind.
+        /// Number of refused commands by reason, since the last event of this kind.
         refused: &'a [(Refusal, u64)],
     },
-    /// An actuator that followed commands applies its safe state.
+    /// An actuator that had followed commands entered its safe state.
     EnteredSafeState {
-        /// The actuator.
+        /// Name of the actuator.
         component: &'a str,
-        /// Number of occurrences since the last event of this kind.
+        /// Number of entries into the safe state since the last event of this kind.
         times: u64,
-        /// The reason.
+        /// Reason for the safe state.
         cause: &'a str,
-        /// `true` if caused by the end of the run.
+        /// `true` if the end of the run caused the safe state.
         is_end: bool,
-        /// Time of the last entry, `CLOCK_MONOTONIC` ns.
+        /// Time of the last entry into the safe state, `CLOCK_MONOTONIC` ns.
         since_ns: u64,
     },
     /// An actuator left its safe state: it follows its commands, or is resuming.
     LeftSafeState {
-        /// The actuator.
+        /// Name of the actuator.
         component: &'a str,
-        /// Time by which it happened, `CLOCK_MONOTONIC` ns, if it is in its safe state again; otherwise now.
+        /// If the actuator is in its safe state again: time before which it had left the safe state,
+        /// `CLOCK_MONOTONIC` ns. Otherwise `None`.
         before_ns: Option<u64>,
-        /// `true` if it does not follow its commands yet but approaches them at limited rates.
+        /// `true` if the actuator approaches its commands at limited rates and does not follow them yet.
         resuming: bool,
     },
-    /// The graph goes to its safe state.
+    /// The whole graph enters its safe state, and the run ends.
     SafeStop {
-        /// The reason.
+        /// Reason for the safe stop.
         reason: &'a str,
     },
-    /// The actuators are in their safe state.
+    /// All actuators are in their safe state.
     Safe {
-        /// Time from the detection of the cause to the last actuator's safe state, ns.
+        /// Time from the detection of the cause until the last actuator was in its safe state, ns.
         after_ns: u64,
     },
     /// Not all actuators reached their safe state.
     NotSafe {
-        /// Actuators without a process.
+        /// Names of actuators without a process.
         dead: &'a [&'a str],
-        /// Running actuators that did not report their safe state in time.
+        /// Names of running actuators that did not report their safe state in time.
         late: &'a [&'a str],
-        /// Actuators in their safe state whose joints are not at rest.
+        /// Names of actuators in their safe state whose joints are not at rest.
         moving: &'a [&'a str],
-        /// Actuators at rest in their safe state.
+        /// Names of actuators at rest in their safe state.
         safe: &'a [&'a str],
     },
     /// The actuators stay in their safe state until `motorium resume`; the run continues.
     Stopped {
-        /// The kind of the stop.
+        /// Kind of the stop.
         latch: Latch,
-        /// The cause of the stop.
+        /// Cause of the stop, as text.
         cause: &'a str,
     },
     /// The stop was released; the actuators return to their commands.
     Resumed,
     /// A component loses more of its steps than the graph allows.
     LosesSteps {
-        /// The component.
+        /// Name of the component.
         component: &'a str,
-        /// Share of steps lost in the last second.
+        /// Fraction of its steps that the component lost in the last second, 0 to 1.
         share: f64,
     },
-    /// In lockstep, a step has not ended, and simulated time does not advance.
+    /// In lockstep, a step has not completed, and simulated time does not advance.
     Waiting {
-        /// The component.
+        /// Name of the component.
         component: &'a str,
         /// Index of the step.
         tick: u64,
-        /// Time since its beginning, ns.
+        /// Time since the start of the step, ns.
         for_ns: u64,
     },
-    /// A deviation, actual or possible, from the graph's requirements.
+    /// An actual or possible deviation from the graph, as text.
     Warning(&'a str),
     /// The components received the request to end.
     Ending(&'a Exit),
     /// The launcher does not respond. Reported by the guard.
     LauncherSilent {
-        /// The run's name.
+        /// Id of the run.
         run: &'a str,
     },
     /// The launcher responds again. Reported by the guard.
     LauncherBack {
-        /// The run's name.
+        /// Id of the run.
         run: &'a str,
     },
-    /// The launcher has ended or was killed. Reported by the guard, which ends the run instead.
+    /// The launcher has ended or was killed. Reported by the guard, which then ends the run.
     LauncherEnded {
-        /// The run's name.
+        /// Id of the run.
         run: &'a str,
-        /// The end of the launcher.
+        /// Description of the launcher's end.
         cause: &'a str,
     },
     /// The guard has brought the robot to its safe state. Reported by the guard.
     GuardActed {
-        /// The states of the actuators.
+        /// Description of the states of all actuators.
         actuators: &'a str,
-        /// True if all of them are in their safe state.
+        /// True if all actuators are in their safe state.
         is_safe: bool,
     },
-    /// The status of the graph.
+    /// Periodic status of the graph.
     Status(&'a Status),
 }
 
 impl Event<'_> {
-    /// Returns the kind of the event; `None` for a status, which is not logged.
+    /// Returns the kind of the event. Returns `None` for a status, which is not logged.
     pub fn kind(&self) -> Option<EventKind> {
         Some(match self {
             Self::Created { .. } => EventKind::Created,
@@ -245,7 +246,7 @@ impl Event<'_> {
         }
     }
 
-    /// Returns the affected component.
+    /// Returns the name of the affected component, or `None` if the event concerns the whole run.
     pub fn component(&self) -> Option<&str> {
         match self {
             Self::Output { component, .. }
@@ -261,7 +262,7 @@ impl Event<'_> {
         }
     }
 
-    /// Returns the value of the event as defined by its [kind](EventKind), otherwise 0.
+    /// Returns the value of the event as defined by its [kind](EventKind); 0 for kinds without a value.
     pub fn value(&self) -> f64 {
         let seconds = |ns: u64| ns as f64 * 1e-9;
         match self {
@@ -276,8 +277,8 @@ impl Event<'_> {
         }
     }
 
-    /// Returns `true` for an event that is only logged: `motorium run` does not print it, because the closing
-    /// summary counts it.
+    /// Returns `true` for an event that is logged but not printed by `motorium run`, because the closing
+    /// summary contains it.
     pub fn is_logged_only(&self) -> bool {
         matches!(
             self,

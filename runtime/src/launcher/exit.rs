@@ -7,13 +7,13 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", tag = "kind")]
 pub enum Exit {
-    /// The duration of the run was over.
+    /// The run lasted for its duration.
     Finished,
-    /// A signal requested the end.
+    /// A signal requested the end of the run.
     Interrupted,
-    /// Something failed; the robot was brought to its safe state.
+    /// A failure occurred, and the robot was brought to its safe state.
     SafeStop {
-        /// The failure.
+        /// Description of the failure.
         reason: String,
     },
 }

@@ -20,11 +20,11 @@ use crate::plan::Plan;
 use crate::region::{Command, Phase, Region};
 use crate::run_folder::RunFolder;
 
-/// Time between two checks of the launcher.
+/// Interval between two checks of the launcher.
 const LOOK: Duration = Duration::from_millis(50);
 
-/// Waits for the end of the launcher and ends the run in its place. A launcher that ends normally kills its
-/// guard first.
+/// Runs the guard: waits until the launcher ends unexpectedly, then ends the run in its place. A launcher
+/// that ends normally kills its guard first.
 pub fn main(folder: &RunFolder) -> ExitCode {
     // The signals of the launcher's terminal session must not end the guard.
     for signal in [SIGINT, SIGTERM, SIGHUP, SIGTSTP] {
@@ -269,7 +269,7 @@ fn describe_safety(
             }
             Reached::Moving => format!("`{name}` in its safe state ({state}), and not at rest"),
             Reached::Not => format!("`{name}` did not reach its safe state"),
-            Reached::Dead => format!("`{name}` was not there to reach its safe state"),
+            Reached::Dead => format!("`{name}` had no process that could reach its safe state"),
         });
     }
     let words = if words.is_empty() { "the graph has no actuators".to_string() } else { words.join(", ") };

@@ -24,28 +24,29 @@ pub const REPORTED_EVENTS: usize = 256;
 /// ```
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct LoggedEvent {
-    /// Real time of the event or its detection since the first step, s; negative before it.
+    /// Real time since the first step at which the event occurred or was detected, s; negative before the
+    /// first step.
     pub time_s: f64,
-    /// In lockstep: simulated time in its episode, s; `null` in real time.
+    /// In lockstep, simulated time in the episode, s; `null` in real time.
     #[serde(default)]
     pub simulated_s: Option<f64>,
-    /// Number of the episode; `null` in logs of versions that did not number episodes of real time.
+    /// Index of the episode; `null` in logs of versions that did not number episodes of real time.
     #[serde(default)]
     pub episode: Option<u64>,
-    /// Its severity.
+    /// Severity of the event.
     pub severity: EventSeverity,
-    /// Affected component; `null` for the whole run.
+    /// Name of the affected component; `null` if the event concerns the whole run.
     pub component: Option<String>,
-    /// Its kind.
+    /// Kind of the event.
     pub kind: EventKind,
-    /// Value as defined by its kind; otherwise 0.
+    /// Value that belongs to the event, as defined by its kind; otherwise 0.
     pub value: f64,
     /// Description of the event.
     pub text: String,
 }
 
 impl LoggedEvent {
-    /// Converts a record of the log of a run of this plan.
+    /// Converts a record from the event log of a run of this plan.
     pub fn from_record(record: EventRecord, plan: &Plan, region: &Region) -> Self {
         // Before the first step, only the time of the run's creation is known.
         let start_ns = match region.header().start_ns.load(Relaxed) {
@@ -68,7 +69,7 @@ impl LoggedEvent {
     }
 }
 
-/// Returns the events of a run that are still in its log, oldest first, and the number of lost ones.
+/// Returns the events of a run that are still in its log, oldest first, and the number of overwritten events.
 pub fn logged(plan: &Plan, region: &Region) -> (Vec<LoggedEvent>, u64) {
     let (records, lost) = region.events().all();
     (records.into_iter().map(|record| LoggedEvent::from_record(record, plan, region)).collect(), lost)

@@ -1,9 +1,9 @@
 //! The launcher: starts, supervises and ends the processes of a plan.
 //!
 //! The launcher creates all services, starts one process per component, and keeps the processes at a barrier
-//! until all ports are connected. It supervises the processes and restarts them if permitted. On a failure it
-//! brings the robot to its safe state, and it leaves no shared memory behind. A [`guard`] process does the
-//! last two if the launcher itself is killed.
+//! until all ports are connected. It supervises the processes and restarts them if their policies permit. On
+//! a failure it brings the robot to its safe state. It leaves no shared memory behind. If the launcher itself
+//! is killed, a [`guard`] process brings the robot to its safe state and removes the shared memory.
 
 mod accounts;
 mod child;
@@ -299,7 +299,7 @@ impl Launch {
         report::state_hash(&self.run.plan, &self.run.region)
     }
 
-    /// Returns `true` if the launching program replaces a component.
+    /// Returns `true` if the launching program stands in for a component.
     pub(crate) fn stands_in_for(&self, component: &str) -> bool {
         self.run.is_played(component)
     }

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use super::LaunchError;
 use crate::plan::{ClockKind, Plan, Program};
 
-/// Options of a launch: where the components run, and the role of the launching program.
+/// Options of a launch: where the components run, and the tasks of the launching program.
 ///
 /// ```
 /// use motorium::launcher::{Hosting, Options};
@@ -15,30 +15,31 @@ use crate::plan::{ClockKind, Plan, Program};
 /// ```
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Options {
-    /// Processes, threads, or one thread for the components.
+    /// Hosting of the components: processes, threads, or the launching thread.
     pub hosting: Hosting,
-    /// Program that hosts built-in kinds and the guard, usually the current one. Only processes need it.
+    /// Program that runs built-in kinds and the guard, usually the current one. Only needed for processes.
     pub program: PathBuf,
-    /// In lockstep, the core of the whole run. Defaults to the first core that the graph assigns to a
-    /// component; a thread that hosts components inline is then not moved.
+    /// In lockstep, core to which the whole run is pinned. With `None`, the run uses the first core that the
+    /// graph assigns to a component, and a thread that hosts components inline stays where it is.
     pub core: Option<usize>,
-    /// `true` if `SIGINT`, `SIGTERM` and `SIGHUP` end the run normally. While no such run exists, they have
-    /// their previous effect.
+    /// `true` if `SIGINT`, `SIGTERM` and `SIGHUP` end the run normally. Outside of such runs, the signals
+    /// have their previous effect.
     pub catch_signals: bool,
-    /// Components that are not started. The program replaces them and publishes on their topics.
+    /// Names of components that are not started. The launching program stands in for them and publishes on
+    /// their topics.
     pub stand_in: Vec<String>,
 }
 
-/// The hosting of components.
+/// Hosting of the components.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Hosting {
-    /// Each component in a separate process.
+    /// Each component runs in a separate process.
     Processes,
-    /// Each component in a thread of the launching process, without protection from one another. For tests
-    /// and for learning.
+    /// Each component runs in a thread of the launching process, without protection from other components.
+    /// For tests and for learning.
     Threads,
-    /// All components in the launching thread, stepped one after the other without waits. Only in lockstep,
-    /// for roll-outs.
+    /// All components run in the launching thread, stepped one after the other without waits. Only in
+    /// lockstep, for roll-outs.
     Inline,
 }
 
@@ -47,36 +48,36 @@ impl Options {
         Self { hosting, program, core: None, catch_signals: true, stand_in: Vec::new() }
     }
 
-    /// Runs each component in a separate process, hosted by `program`: the `motorium` command, or another
-    /// program that calls `program::run_worker`.
+    /// Creates options that run each component in a separate process. `program` hosts the built-in kinds: the
+    /// `motorium` command, or another program that calls `program::run_worker`.
     pub fn processes(program: PathBuf) -> Self {
         Self::new(Hosting::Processes, program)
     }
 
-    /// Runs each component in a thread of this process.
+    /// Creates options that run each component in a thread of this process.
     pub fn threads() -> Self {
         Self::new(Hosting::Threads, PathBuf::new())
     }
 
-    /// Runs all components in the calling thread.
+    /// Creates options that run all components in the calling thread.
     pub fn inline() -> Self {
         Self::new(Hosting::Inline, PathBuf::new())
     }
 
-    /// Pins a lockstep run to one core. Concurrent runs need one core each.
+    /// Pins a lockstep run to one core. Runs at the same time need one core each.
     #[must_use]
     pub fn on_core(self, core: usize) -> Self {
         Self { core: Some(core), ..self }
     }
 
-    /// Does not handle the signals of the process. If a signal ends the program, the shared memory of its
-    /// threads remains until `motorium doctor --clean`.
+    /// Leaves the signals of the process to the program. If a signal ends the program, the shared memory of
+    /// its threads remains until `motorium doctor --clean` removes it.
     #[must_use]
     pub fn leaving_signals(self) -> Self {
         Self { catch_signals: false, ..self }
     }
 
-    /// Replaces a component: it is not started, and the program publishes on its topics.
+    /// Stands in for a component: it is not started, and the program publishes on its topics.
     #[must_use]
     pub fn standing_in_for(mut self, component: &str) -> Self {
         self.stand_in.push(component.to_string());
@@ -98,8 +99,10 @@ impl Options {
             return Ok(());
         }
         if plan.clock != ClockKind::Lockstep {
-            let reason =
-                format!("graph `{}` runs in real time, where each component waits for itself", plan.name);
+            let reason = format!(
+                "graph `{}` runs in real time, where each component needs a separate process or thread",
+                plan.name
+            );
             return unsuitable("hosting inline", reason, "add `--clock lockstep`, or host it in threads");
         }
         let is_program = |program: &Program| !matches!(program, Program::Builtin { .. });

@@ -76,7 +76,9 @@ impl Realtime {
             let reason = match command {
                 Command::SafeStop => stop_reason::reason(plan, region),
                 // Commands only increase.
-                _ => "the control block of the run was damaged: its command is one of the start".to_string(),
+                _ => {
+                    "the control block of the run was damaged: its command is a start-up command".to_string()
+                }
             };
             return Some(Some(self.safe_stop(reason, supervisor, observe)));
         }

@@ -12,156 +12,161 @@ use crate::region::{ComponentBlock, GateReport, Misses, Region, Stalls};
 use crate::state::Digest;
 use crate::telemetry::Percentiles;
 
-/// Version of the report's format; incremented when the meaning of a field changes or a field is removed.
+/// Version of the report's format. It is incremented when the meaning of a field changes or a field is
+/// removed.
 pub const REPORT_VERSION: u32 = 2;
 
 /// The report of a run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Report {
-    /// Version of this format.
+    /// Version of the report's format.
     pub version: u32,
     /// Name of the graph.
     pub graph: String,
-    /// The clock of the run.
+    /// Clock of the run: real time or lockstep.
     pub clock: ClockKind,
-    /// Duration of the run, s: simulated time in lockstep.
+    /// Duration of the run, s; in lockstep, simulated time.
     pub duration_s: f64,
-    /// Simulated time per wall-clock time; 1 in real time.
+    /// Ratio of simulated time to wall-clock time; 1 in real time.
     pub realtime_factor: f64,
-    /// Digest of all published values in lockstep, equal for equal runs; `null` in real time.
+    /// In lockstep, digest of all published values, which is equal for equal runs; `null` in real time.
     pub state_hash: Option<String>,
-    /// Episodes of a run that was divided, in order. In lockstep, `state_hash` and `results` are from the
-    /// last episode; in real time, `results` are from the whole run.
+    /// Episodes of a run that was divided, in order; empty otherwise. In lockstep, `state_hash` and `results`
+    /// are from the last episode; in real time, `results` are from the whole run.
     #[serde(default)]
     pub episodes: Vec<EpisodeReport>,
-    /// The end of the run.
+    /// Outcome of the run.
     pub exit: Exit,
-    /// Requests denied by the system, as text; empty if all were granted.
+    /// Requests that the system denied, as text; empty if all were granted.
     pub lost: Vec<String>,
-    /// Shortcomings of a run that ended normally, as text: components that no longer stepped at the end, or
-    /// lost too many steps.
+    /// Shortcomings of a run that ended normally, as text, such as components that no longer stepped at the
+    /// end or lost too many steps.
     #[serde(default)]
     pub warnings: Vec<String>,
     /// Maximum exit latency of idle states while the graph ran, ns; `null` if no limit was requested
     /// (lockstep, no real-time component) or the system denied it.
     #[serde(default)]
     pub idle_exit_ns: Option<u64>,
-    /// Each component, in the order of the graph file.
+    /// Report of each component, in the order of the graph file.
     pub components: Vec<ComponentReport>,
-    /// Each latency budget, in the order of the graph file.
+    /// Report of each latency budget, in the order of the graph file.
     pub latencies: Vec<LatencyReport>,
-    /// Each topic and each of its readers.
+    /// Report of each edge: a topic and one of its readers.
     pub edges: Vec<EdgeReport>,
-    /// Other activity of each core with a pinned component.
+    /// Other activity on each core with a pinned component.
     #[serde(default)]
     pub cores: Vec<CoreReport>,
-    /// Results of the components, by name.
+    /// Results of the components, by component name.
     pub results: BTreeMap<String, serde_json::Value>,
-    /// Result of each expectation of the graph; empty for a run that was interrupted or failed.
+    /// Outcome of each expectation of the graph; empty if the run was interrupted or failed.
     #[serde(default)]
     pub expectations: Vec<ExpectationReport>,
-    /// Number of events missing from `events`: overwritten in the log, or beyond the maximum of a report.
+    /// Number of events missing from `events`, because they were overwritten in the log or exceed the maximum
+    /// of a report.
     #[serde(default)]
     pub events_left_out: u64,
-    /// The newest events of the run, at most 256, oldest first.
+    /// Newest events of the run, at most 256, oldest first.
     #[serde(default)]
     pub events: Vec<LoggedEvent>,
 }
 
-/// One episode in the report.
+/// Report of one episode.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct EpisodeReport {
-    /// Its number, from 0.
+    /// Index of the episode, from 0.
     pub index: u64,
-    /// Its seed; in lockstep, a run with this seed publishes the same values.
+    /// Seed of the episode. In lockstep, a run with this seed publishes the same values.
     pub seed: u64,
-    /// Time from its start to its end, s: simulated in lockstep.
+    /// Duration of the episode, s; in lockstep, simulated time.
     pub duration_s: f64,
-    /// Steps of all components in it.
+    /// Number of steps of all components in the episode.
     pub steps: u64,
-    /// Digest of all values published in it in lockstep; `null` in real time.
+    /// In lockstep, digest of all values published in the episode; `null` in real time.
     pub state_hash: Option<String>,
 }
 
-/// One component in the report.
+/// Report of one component.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ComponentReport {
-    /// Its name in the graph.
+    /// Name of the component in the graph.
     pub name: String,
-    /// Process id of its last process.
+    /// Process id of the component's last process.
     pub pid: u32,
-    /// Steps done.
+    /// Number of completed steps.
     pub steps: u64,
-    /// Steps per second from its first step to the end of the run, or until now if it no longer steps.
+    /// Number of steps per second, from the first step to the end of the run, or until now if the component
+    /// no longer steps.
     pub rate_hz: f64,
-    /// Lateness: from the release or the triggering publication to the start of the step, ns. For a release
-    /// by a descriptor, from its wake-up or from the time to which `min_interval` deferred it.
+    /// Lateness, ns: time from the release or the triggering publication to the start of the step. For a
+    /// release by a descriptor, it counts from the wake-up, or from the time to which `min_interval` delayed
+    /// the step.
     pub lateness_ns: Percentiles,
-    /// Execution time: from the start to the end of the step, wall-clock ns.
+    /// Execution time, ns of wall-clock time: from the start to the end of the step.
     pub execution_ns: Percentiles,
-    /// CPU time of each step, ns, including waiting and waking but not spinning.
+    /// CPU times of steps, ns, including waiting and waking but not spinning.
     pub cpu_ns: Percentiles,
-    /// Spin time before a release, as of the end of the run, ns.
+    /// Time of spinning before a release, at the end of the run, ns.
     pub spin_ns: u64,
-    /// Stalls of the machine during its spinning.
+    /// Stalls of the machine, measured while the component was spinning.
     pub stalls: Stalls,
-    /// Missed steps by cause.
+    /// Number of missed steps by cause.
     pub misses: Misses,
-    /// Number of descriptor releases that came earlier than `min_interval` after the previous one and were
-    /// delayed.
+    /// Number of descriptor releases that came earlier than `min_interval` after the previous release and
+    /// were delayed.
     #[serde(default)]
     pub deferred: u64,
     /// Number of steps that returned an error and were tolerated.
     pub errors: u64,
     /// Number of samples withheld because they were late, or refused because of their content.
     pub refused: u64,
-    /// Restarts.
+    /// Number of restarts.
     pub restarts: u32,
-    /// The account of an actuator's command gate; `null` for other components.
+    /// Statistics of an actuator's command gate; `null` for other components.
     #[serde(default)]
     pub gate: Option<GateReport>,
-    /// Heap allocations in steps after the first 100; `null` if its program does not count them.
+    /// Number of heap allocations in steps after the first 100; `null` if the component's program does not
+    /// count them.
     pub allocations: Option<u64>,
-    /// Heap allocations after the first 100 steps by documented foreign code.
+    /// Number of heap allocations by documented third-party code in steps after the first 100.
     pub allocations_apart: Option<u64>,
-    /// Page faults of its thread after the first 100 steps.
+    /// Number of page faults of the stepping thread after the first 100 steps.
     pub page_faults: u64,
-    /// `SCHED_FIFO` priority, read back; 0 for any other class.
+    /// `SCHED_FIFO` priority, as read back from the kernel; 0 for any other class.
     pub fifo_priority: u32,
-    /// `true` if it ran under `SCHED_DEADLINE`, read back.
+    /// `true` if the component ran under `SCHED_DEADLINE`, as read back from the kernel.
     pub deadline: bool,
-    /// True if its memory was locked, read back.
+    /// True if the memory of the process was locked, as read back from the kernel.
     pub memory_locked: bool,
 }
 
-/// One latency budget in the report.
+/// Report of one latency budget.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct LatencyReport {
-    /// Topic at the head of the chain.
+    /// Name of the topic at the head of the chain.
     pub from: String,
-    /// Topic at its end.
+    /// Name of the topic at the end of the chain.
     pub to: String,
-    /// The budget, ns.
+    /// Latency budget, ns.
     pub max_ns: u64,
-    /// Latency from the source time of `from` to the publish time of `to`, ns.
+    /// Latencies from the source time of `from` to the publish time of `to`, ns.
     pub latency_ns: Percentiles,
-    /// Number of measurements above the budget.
+    /// Number of latencies above the budget.
     pub missed: u64,
-    /// Number of measurements.
+    /// Number of measured latencies.
     pub count: u64,
 }
 
-/// A topic and one of its readers in the report.
+/// Report of one edge: a topic and one of its readers.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct EdgeReport {
-    /// The topic.
+    /// Name of the topic.
     pub topic: String,
-    /// The component that reads it.
+    /// Name of the component that reads the topic.
     pub reader: String,
-    /// Number of samples it read.
+    /// Number of samples that the component read.
     pub read: u64,
-    /// Age of each sample since its publication, at the start of the step that first read it, ns; 0 in
-    /// lockstep, where a tick takes no time.
+    /// Ages of samples since their publication, at the start of the step that first read them, ns; 0 in
+    /// lockstep, where time does not advance within a tick.
     pub age_ns: Percentiles,
 }
 
@@ -195,18 +200,18 @@ pub(super) fn latencies(plan: &Plan, region: &Region) -> Vec<LatencyReport> {
         .collect()
 }
 
-/// One expectation in the report.
+/// Outcome of one expectation.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ExpectationReport {
-    /// The figure, such as `controller.position_error_m`.
+    /// Name of the figure, such as `controller.position_error_m`.
     pub figure: String,
-    /// The condition, such as `<= 0.001`.
+    /// Condition on the figure, such as `<= 0.001`.
     pub condition: String,
-    /// Value of the figure; `null` if missing.
+    /// Value of the figure; `null` if it is missing.
     pub found: serde_json::Value,
     /// True if the value satisfies the condition.
     pub met: bool,
-    /// The reason for a figure without a value, as text.
+    /// Reason why the figure has no value, as text; `null` if it has one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub problem: Option<String>,
 }
@@ -239,9 +244,9 @@ fn rate_hz(plan: &ComponentPlan, block: &ComponentBlock, now_ns: u64) -> f64 {
     steps_per_second(begun, first, last, now_ns, plan.period_ns())
 }
 
-/// Returns the steps per second, from the number of steps and the time between the first and the last step.
-/// If the last step is more than two periods old, the time until `now_ns` is used, so that the rate of a
-/// stopped component falls. All times are in ns.
+/// Returns the number of steps per second, from the number of steps begun and the time from the first to the
+/// last step. If the last step is more than two periods old, the time until `now_ns` is used instead, and the
+/// rate of a stopped component falls. All times are in ns.
 pub fn steps_per_second(begun: u64, first_ns: u64, last_ns: u64, now_ns: u64, period_ns: u64) -> f64 {
     let still_steps = now_ns.saturating_sub(last_ns) <= 2 * period_ns;
     let end_ns = if still_steps { last_ns } else { now_ns };

@@ -101,7 +101,7 @@ pub(super) fn check(plan: &Plan, hosting: Hosting) -> Result<(), LaunchError> {
         let found = format!("the limit is {}", amount(limit));
         let advice = "raise it with `ulimit -f unlimited`".to_string();
         return exhausted(
-            "the size of files is limited too far",
+            "the limit on file sizes is too low",
             format!("files of {}", amount(need.largest)),
             found,
             advice,
@@ -121,7 +121,7 @@ pub(super) fn check(plan: &Plan, hosting: Hosting) -> Result<(), LaunchError> {
         );
     }
     let Some(room) = Room::for_path(Path::new(SHARED_MEMORY)) else {
-        let advice = "`motorium doctor` looks at it".to_string();
+        let advice = "run `motorium doctor` to diagnose it".to_string();
         return exhausted(
             "no shared memory",
             amount(need.bytes),
@@ -140,7 +140,7 @@ pub(super) fn check(plan: &Plan, hosting: Hosting) -> Result<(), LaunchError> {
         return exhausted("too little shared memory", amount(need.bytes), found, advice());
     }
     if room.files < need.files {
-        let found = format!("{} may be made in {SHARED_MEMORY}", room.files);
+        let found = format!("{} can be created in {SHARED_MEMORY}", room.files);
         return exhausted("too little shared memory", format!("{} files", need.files), found, advice());
     }
     Ok(())

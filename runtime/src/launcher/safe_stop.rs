@@ -65,7 +65,7 @@ impl<'a> SafeStop<'a> {
                 Reached::Safe { .. } | Reached::Moving => None,
                 Reached::Not => Some(format!("`{name}` did not reach its safe state before the end")),
                 Reached::Dead => {
-                    Some(format!("`{name}` ended before the robot had settled: nothing held it"))
+                    Some(format!("`{name}` ended before the robot had settled, so nothing controlled it"))
                 }
             }
         };

@@ -12,30 +12,30 @@ use crate::region::{Phase, Region};
 /// The status of a running graph.
 #[derive(Debug, Clone, Serialize)]
 pub struct Status {
-    /// Time since the start, ns.
+    /// Time since the start of the run, ns.
     pub elapsed_ns: u64,
-    /// Each component, in the order of the graph file.
+    /// Status of each component, in the order of the graph file.
     pub components: Vec<ComponentStatus>,
-    /// Each latency budget, in the order of the graph file.
+    /// Report of each latency budget so far, in the order of the graph file.
     pub latencies: Vec<LatencyReport>,
-    /// Each topic and each of its readers.
+    /// Report of each edge so far: a topic and one of its readers.
     pub edges: Vec<EdgeReport>,
 }
 
-/// The status of a component: its phase, and its report so far.
+/// Status of a component: its phase, and its report so far.
 #[derive(Debug, Clone, Serialize)]
 pub struct ComponentStatus {
-    /// Phase of its life.
+    /// Phase of the component's life.
     pub phase: Phase,
-    /// True if it is an actuator in its safe state.
+    /// True if the component is an actuator in its safe state.
     pub safe: bool,
-    /// Its measurements so far.
+    /// Measurements of the component so far.
     #[serde(flatten)]
     pub report: ComponentReport,
 }
 
 impl Status {
-    /// Reads the status of a run.
+    /// Reads the status of a run from its control block.
     pub fn read(plan: &Plan, region: &Region) -> Self {
         let start = region.header().start_ns.load(Relaxed);
         let now = match plan.clock {

@@ -1,4 +1,4 @@
-//! The reason why components ordered a safe stop.
+//! The reason why components ordered a safe stop, as text.
 
 use crate::plan::{OnMiss, OnOverrun, Plan};
 use crate::region::{Misses, Region};
@@ -29,7 +29,7 @@ fn describe(plan: &Plan, misses: &[Misses], latencies: &[(u64, u64)]) -> String 
             let causes = [
                 (misses.long_step, "too long"),
                 (misses.late_wake, "delayed by others"),
-                (misses.stolen, "by the host"),
+                (misses.stolen, "delayed by the host"),
             ];
             let causes: Vec<String> = causes
                 .iter()

@@ -13,18 +13,20 @@ pub fn thread_cpu_ns() -> u64 {
     now.tv_sec as u64 * 1_000_000_000 + now.tv_nsec as u64
 }
 
-/// Reads the time that a thread was ready to run while another thread of this system occupied its core.
+/// Reader of the time for which a thread was ready to run while another thread of this system occupied its
+/// core.
 #[derive(Debug)]
 pub struct WaitedForCore(Option<File>);
 
 impl WaitedForCore {
-    /// Opens the reader for the calling thread. A kernel without scheduler information (`CONFIG_SCHED_INFO`)
-    /// never provides a value.
+    /// Opens the reader for the calling thread. On a kernel without scheduler information
+    /// (`CONFIG_SCHED_INFO`), the reader never returns a value.
     pub fn of_this_thread() -> Self {
         Self(File::open("/proc/thread-self/schedstat").ok())
     }
 
-    /// Returns the total so far, ns. Costs one system call and does not allocate.
+    /// Returns the total time so far, ns, or `None` if the kernel does not measure it. Costs one system call
+    /// and does not allocate.
     pub fn total_ns(&self) -> Option<u64> {
         let mut text = [0_u8; 64];
         let length = rustix::io::pread(self.0.as_ref()?, &mut text, 0).ok()?;

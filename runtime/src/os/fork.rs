@@ -26,11 +26,11 @@ pub(crate) struct Owned<T> {
     pid: u32,
 }
 
-/// A handle was used in a forked child of the process that created it. Owns no heap memory.
+/// Error of using a handle in a forked child of the process that created it. Owns no heap memory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-#[error("it belongs to process {owner}, of which this one was forked; open it again here")]
+#[error("it belongs to process {owner}, and this process is a fork of it; open it again in this process")]
 pub struct OtherProcess {
-    /// The process that created the handle.
+    /// Id of the process that created the handle.
     pub owner: u32,
 }
 

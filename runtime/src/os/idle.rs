@@ -7,16 +7,17 @@ use std::time::Duration;
 /// Kernel file for requests; each is in force while its file is open.
 const REQUESTS: &str = "/dev/cpu_dma_latency";
 
-/// A limit on the exit latency of idle states on all cores (Linux, *PM Quality Of Service Interface*), in
-/// force until this is dropped or the process ends in any way.
+/// A limit on the exit latency of idle states on all cores (Linux, *PM Quality Of Service Interface*). It is
+/// in force until this value is dropped or the process ends in any way.
 ///
-/// In a virtual machine whose guest polls before it halts (`haltpoll`), a limit of zero keeps the host from
-/// taking idle processors away, so they wake up in a fraction of the time and with warm caches.
+/// In a virtual machine whose guest polls before it halts (`haltpoll`), a limit of zero prevents the host
+/// from reassigning idle processors. They then wake up in a fraction of the time and with warm caches.
 #[derive(Debug)]
 pub struct IdleLimit(#[expect(dead_code, reason = "held open")] File);
 
 impl IdleLimit {
-    /// Requests a limit, rounded down to microseconds. The shortest of all requests is in force.
+    /// Requests a limit, rounded down to microseconds. If there are several requests, the shortest limit
+    /// applies.
     ///
     /// # Errors
     /// The process is not permitted to set a limit (only root is), or the system does not support limits.

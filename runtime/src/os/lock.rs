@@ -10,7 +10,8 @@ use std::path::Path;
 
 /// A shared file lock, held until it is dropped or its process ends in any way.
 ///
-/// Any number of processes may hold it, in any namespace. [`is_held`] tests it without acquiring it.
+/// Any number of processes may hold the lock, in any namespace. [`is_held`] tests the lock without acquiring
+/// it.
 #[derive(Debug)]
 pub struct Lock(#[expect(dead_code, reason = "the open file holds the lock")] File);
 
@@ -25,8 +26,8 @@ impl Lock {
         Ok(Self(file))
     }
 
-    /// Acquires a numbered place of a file, from 0, exclusively. Returns `None` if it is occupied. This is
-    /// independent of [`hold`](Self::hold) on the same file.
+    /// Acquires the exclusive lock with number `place` (from 0) of a file. Returns `None` if another process
+    /// holds it. These locks are independent of [`hold`](Self::hold) on the same file.
     ///
     /// # Errors
     /// The file is missing or cannot be opened, or the file system has no locks.
@@ -47,7 +48,7 @@ fn options() -> OpenOptions {
 }
 
 /// Returns `true` if any process holds the [`Lock`] on a file. A missing file is not locked. If the lock
-/// cannot be tested, for example without free descriptors, the file counts as locked.
+/// cannot be tested, for example because no descriptor is free, the file counts as locked.
 pub fn is_held(path: &Path) -> bool {
     let file = match options().open(path) {
         Ok(file) => file,

@@ -6,12 +6,12 @@ use core::ops::Sub;
 use std::fs::File;
 use std::io::Read as _;
 
-/// Reads and trims a kernel file; `None` if it is empty or unreadable.
+/// Reads and trims a kernel file. Returns `None` if the file is empty or unreadable.
 pub fn read(path: &str) -> Option<String> {
     Some(std::fs::read_to_string(path).ok()?.trim().to_string()).filter(|text| !text.is_empty())
 }
 
-/// Parses a kernel list of cores, such as `0-3,6`. `None` if malformed.
+/// Parses a kernel list of cores, such as `0-3,6`. Returns `None` if the list is malformed.
 pub fn parse_cores(list: &str) -> Option<Vec<usize>> {
     let mut cores = Vec::new();
     for part in list.trim().split(',') {
@@ -25,7 +25,8 @@ fn cores(list: &str) -> Vec<usize> {
     read(&format!("/sys/devices/system/cpu/{list}")).and_then(|list| parse_cores(&list)).unwrap_or_default()
 }
 
-/// Returns the online cores in ascending order, at least one, including cores isolated from the scheduler.
+/// Returns the online cores in ascending order, including cores that are isolated from the scheduler. There
+/// is at least one.
 pub fn online_cores() -> Vec<usize> {
     let online = cores("online");
     if online.is_empty() {
@@ -34,22 +35,22 @@ pub fn online_cores() -> Vec<usize> {
     online
 }
 
-/// Returns the cores isolated from the scheduler (`isolcpus`).
+/// Returns the cores that are isolated from the scheduler (`isolcpus`).
 pub fn isolated_cores() -> Vec<usize> {
     cores("isolated")
 }
 
-/// Returns the cores without a periodic tick while a single thread runs on them (`nohz_full`).
+/// Returns the cores without a periodic tick while they run a single thread (`nohz_full`).
 pub fn tickless_cores() -> Vec<usize> {
     cores("nohz_full")
 }
 
-/// A Linux kernel.
+/// Release and build of a Linux kernel.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Kernel {
-    /// Release of the kernel, such as `6.18.0`.
+    /// Kernel release, such as `6.18.0`.
     pub release: String,
-    /// Build of the kernel, such as `#1 SMP PREEMPT_DYNAMIC Tue Nov 4 12:00:00 UTC 2025`.
+    /// Kernel build, such as `#1 SMP PREEMPT_DYNAMIC Tue Nov 4 12:00:00 UTC 2025`.
     pub version: String,
 }
 
@@ -60,7 +61,7 @@ impl Kernel {
         Self { release: read("osrelease"), version: read("version") }
     }
 
-    /// Returns the preemption model, such as `PREEMPT_RT`, if named by the build.
+    /// Returns the preemption model, such as `PREEMPT_RT`, or `None` if the build does not name it.
     pub fn preemption(&self) -> Option<&str> {
         self.version.split_whitespace().find(|word| word.starts_with("PREEMPT"))
     }
@@ -72,14 +73,14 @@ fn processor_value(cpuinfo: &str, name: &str) -> Option<String> {
     Some(line.split_once(':')?.1.trim().to_string())
 }
 
-/// Returns the model of the processor, or its architecture if the kernel names no model.
+/// Returns the model name of the processor, or its architecture if the kernel does not provide a name.
 pub fn processor() -> String {
     let cpuinfo = read("/proc/cpuinfo").unwrap_or_default();
     processor_value(&cpuinfo, "model name").unwrap_or_else(|| std::env::consts::ARCH.to_string())
 }
 
-/// Returns `true` on a virtual machine, according to the processor flags. Its host may preempt the cores at
-/// any time.
+/// Returns `true` on a virtual machine, according to the processor flags. The host of a virtual machine may
+/// preempt the cores at any time.
 pub fn is_virtual() -> bool {
     has_hypervisor(&read("/proc/cpuinfo").unwrap_or_default())
 }
@@ -89,12 +90,12 @@ fn has_hypervisor(cpuinfo: &str) -> bool {
     flags.is_some_and(|flags| flags.split_whitespace().any(|flag| flag == "hypervisor"))
 }
 
-/// Returns the frequency governor of a core; `None` without frequency scaling.
+/// Returns the frequency governor of a core, or `None` without frequency scaling.
 pub fn governor(core: usize) -> Option<String> {
     read(&format!("/sys/devices/system/cpu/cpu{core}/cpufreq/scaling_governor"))
 }
 
-/// Returns the driver and governor of idle states as `driver/governor`; `None` if unreadable.
+/// Returns the driver and the governor of idle states as `driver/governor`, or `None` if they cannot be read.
 pub fn idle_driver() -> Option<String> {
     let folder = "/sys/devices/system/cpu/cpuidle";
     let governor = read(&format!("{folder}/current_governor_ro"))
@@ -102,8 +103,8 @@ pub fn idle_driver() -> Option<String> {
     Some(format!("{}/{governor}", read(&format!("{folder}/current_driver"))?))
 }
 
-/// Returns the maximum exit latency of idle states, us, as limited through `/dev/cpu_dma_latency`; `None`
-/// without a limit, or if unreadable for this user.
+/// Returns the limit on the exit latency of idle states that is set through `/dev/cpu_dma_latency`, us.
+/// Returns `None` without a limit, or if this user may not read it.
 pub fn idle_exit_limit_us() -> Option<u64> {
     let mut bytes = [0; 4];
     File::open("/dev/cpu_dma_latency").ok()?.read_exact(&mut bytes).ok()?;
@@ -116,37 +117,38 @@ pub fn clock_source() -> Option<String> {
     read("/sys/devices/system/clocksource/clocksource0/current_clocksource")
 }
 
-/// Returns the time limit of real-time threads, us per s on each core; `None` without a limit.
+/// Returns the run time that the kernel grants to real-time threads, us per second of each core; `None`
+/// without a limit.
 pub fn realtime_limit_us_per_s() -> Option<u64> {
     let number = |name: &str| read(&format!("/proc/sys/kernel/{name}"))?.parse::<i64>().ok();
     let (runtime, period) = (number("sched_rt_runtime_us")?, number("sched_rt_period_us")?);
     (runtime >= 0 && runtime < period).then(|| (runtime * 1_000_000 / period) as u64)
 }
 
-/// Returns the load average over one minute.
+/// Returns the load average over one minute, or `None` if it cannot be read.
 pub fn load() -> Option<f64> {
     read("/proc/loadavg")?.split_whitespace().next()?.parse().ok()
 }
 
-/// Time accounting of one core since the start of the machine, in ticks of `USER_HZ` (10 ms).
+/// Times of one core since the start of the machine, in ticks of `USER_HZ` (10 ms).
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct CoreTimes {
-    /// The core.
+    /// Index of the core.
     pub core: usize,
-    /// Programs, including real-time and nice ones.
+    /// Time in programs, including real-time and low-priority (nice) programs.
     pub user: u64,
-    /// Kernel on behalf of programs.
+    /// Time in the kernel on behalf of programs.
     pub system: u64,
-    /// Interrupts and soft interrupts; 0 if the kernel does not account for them.
+    /// Time in interrupts and soft interrupts; 0 if the kernel does not measure it.
     pub interrupts: u64,
-    /// Idle, including waits for storage.
+    /// Idle time, including waits for storage.
     pub idle: u64,
-    /// Stolen by the host of a virtual machine.
+    /// Time stolen by the host of a virtual machine.
     pub stolen: u64,
 }
 
 impl CoreTimes {
-    /// Reads the times of all cores in numerical order; empty if unavailable.
+    /// Reads the times of all cores, in numerical order; empty if they are unavailable.
     pub fn read() -> Vec<Self> {
         Self::parse(&std::fs::read_to_string("/proc/stat").unwrap_or_default())
     }
@@ -177,7 +179,7 @@ impl CoreTimes {
         self.user + self.system + self.interrupts + self.idle + self.stolen
     }
 
-    /// Returns `part` as a share of the sum; 0 if the sum is 0.
+    /// Returns `part` as a fraction of the sum of all times; 0 if the sum is 0.
     pub fn share(self, part: u64) -> f64 {
         part as f64 / self.total().max(1) as f64
     }

@@ -1,6 +1,6 @@
 //! The operating system's real-time facilities, as safe functions.
 //!
-//! All `unsafe` code here is single calls into libc whose arguments are owned by the caller.
+//! Every `unsafe` block in this module is a single call into libc with arguments that the caller owns.
 
 mod backoff;
 mod cpu_time;

@@ -16,7 +16,8 @@ pub fn thread_id() -> i32 {
 
 extern "C" fn interrupted(_: libc::c_int) {}
 
-/// Makes `SIGUSR1` only interrupt a waiting system call of the thread it is sent to.
+/// Installs a handler with which `SIGUSR1` only interrupts a waiting system call of the thread that receives
+/// it.
 ///
 /// # Errors
 /// The kernel refused the handler.
@@ -31,7 +32,7 @@ pub fn install_interrupt() -> io::Result<()> {
     if result == 0 { Ok(()) } else { Err(io::Error::last_os_error()) }
 }
 
-/// Interrupts the system call in which a thread of this process waits.
+/// Interrupts the system call in which a thread of this process waits. Requires [`install_interrupt`].
 pub fn interrupt_thread(thread: i32) {
     // SAFETY: a system call on integers; it returns ESRCH for a missing thread, which is fine.
     unsafe {
@@ -57,8 +58,9 @@ fn action_of(signal: libc::c_int) -> Option<libc::sighandler_t> {
     }
 }
 
-/// Returns the kernel state of a thread: `R` running or ready, `S` sleeping, `D` waiting for a device, `T`
-/// stopped by a signal, `t` stopped by a debugger, `Z` ended. `None` if the thread does not exist.
+/// Returns the state of a thread as reported by the kernel: `R` running or ready, `S` sleeping, `D` waiting
+/// for a device, `T` stopped by a signal, `t` stopped by a debugger, `Z` ended. Returns `None` if the thread
+/// does not exist.
 pub fn process_state(pid: u32, thread: u32) -> Option<char> {
     let stat = std::fs::read_to_string(format!("/proc/{pid}/task/{thread}/stat")).ok()?;
     // the name is in parentheses and may contain any characters
@@ -75,7 +77,7 @@ pub fn discard_output() {
     }
 }
 
-/// A handle to another process that reports its end, even if its id is reused.
+/// A handle to another process that reports the end of the process, even if its id is reused.
 #[derive(Debug)]
 pub struct Watch(OwnedFd);
 
@@ -99,8 +101,8 @@ impl Watch {
         self.wait(Some(Duration::ZERO))
     }
 
-    /// Waits for the end of the process. Returns `true` if it has ended, `false` after the timeout or an
-    /// interruption.
+    /// Waits for the end of the process. Returns `true` if it has ended, `false` after the timeout or if a
+    /// signal interrupted the wait.
     pub fn wait(&self, timeout: Option<Duration>) -> bool {
         let timeout =
             timeout.map(|t| Timespec { tv_sec: t.as_secs() as i64, tv_nsec: t.subsec_nanos() as _ });

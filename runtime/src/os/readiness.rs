@@ -7,10 +7,10 @@ use std::os::fd::{AsRawFd as _, OwnedFd};
 
 use super::monotonic_ns;
 
-/// Waits, in one thread, for a descriptor to become readable.
+/// Waits in one thread for a descriptor to become readable, a signal, or a time.
 ///
-/// While it exists, `SIGUSR1` is blocked in the creating thread except during a wait. A signal just before a
-/// wait therefore ends it immediately, and no interrupt is lost.
+/// While this value exists, `SIGUSR1` is blocked in the creating thread except during a wait. A signal that
+/// arrives just before a wait therefore ends the wait immediately, and no interrupt is lost.
 #[derive(Debug)]
 pub struct Readiness {
     descriptor: OwnedFd,
@@ -19,7 +19,7 @@ pub struct Readiness {
 }
 
 impl Readiness {
-    /// Prepares waits for this descriptor in the calling thread.
+    /// Prepares the calling thread for waits on this descriptor.
     ///
     /// # Errors
     /// The kernel refused the signal mask.
@@ -40,7 +40,8 @@ impl Readiness {
     }
 
     /// Waits until the descriptor is readable, a signal arrives, or `CLOCK_MONOTONIC` reaches `until_ns`.
-    /// Returns `true` if it is readable, including a closed or failed descriptor, whose next read reports it.
+    /// Returns `true` if the descriptor is readable. A closed or failed descriptor counts as readable; its
+    /// next read reports the error.
     pub fn wait(&self, until_ns: Option<u64>) -> bool {
         let mut polled = libc::pollfd { fd: self.descriptor.as_raw_fd(), events: libc::POLLIN, revents: 0 };
         self.poll(core::slice::from_mut(&mut polled), until_ns);

@@ -10,62 +10,62 @@ use serde::{Deserialize, Serialize};
 
 use crate::plan::SchedulingClass;
 
-/// Time from `SIGXCPU` to `SIGKILL`, us.
+/// Time between `SIGXCPU` and `SIGKILL`, us.
 const CAUGHT_US: u64 = 20_000;
 
-/// Real-time settings that a process requests.
+/// Real-time settings that a process requests from the kernel.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Request {
     /// Scheduling class.
     pub class: SchedulingClass,
-    /// Cores it may run on.
+    /// Cores on which the process may run.
     pub cores: Vec<usize>,
-    /// If true, all current and future memory is kept resident.
+    /// True to keep all current and future memory resident.
     pub lock_memory: bool,
 }
 
-/// Effective settings, read back from the kernel.
+/// Real-time settings in force, as read back from the kernel.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct Applied {
     /// `SCHED_FIFO` priority, or 0 for any other class.
     pub fifo_priority: u8,
-    /// True if it runs under `SCHED_DEADLINE`.
+    /// True if the thread runs under `SCHED_DEADLINE`.
     pub deadline: bool,
-    /// Cores it may run on.
+    /// Cores on which the process may run.
     pub cores: Vec<usize>,
-    /// True if its memory is locked.
+    /// True if the memory of the process is locked.
     pub memory_locked: bool,
 }
 
-/// A request that the system denied.
+/// A real-time request that the system denied, with the reason.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum Denied {
-    /// The real-time priority.
+    /// Real-time priority under `SCHED_FIFO`.
     #[error("SCHED_FIFO priority {0} ({1})")]
     Priority(u8, String),
-    /// `SCHED_DEADLINE`, for lack of privilege or because it is more time than the kernel can still
-    /// guarantee.
+    /// Run time under `SCHED_DEADLINE`: privileges are missing, or the kernel cannot guarantee so much time
+    /// any more.
     #[error("SCHED_DEADLINE with {} us in every {} us ({reason})", runtime_ns / 1000, period_ns / 1000)]
     Deadline {
         /// Requested CPU time in each period, ns.
         runtime_ns: u64,
         /// Length of the period, ns.
         period_ns: u64,
-        /// The error of the system.
+        /// Error of the operating system.
         reason: String,
     },
-    /// The requested cores.
+    /// Cores on which the process should run.
     #[error("cores {0:?} ({1})")]
     Cores(Vec<usize>, String),
-    /// The limit on computing without waiting.
-    #[error("a limit on computing without waiting ({0})")]
+    /// Limit on the time for which a thread may compute without sleeping.
+    #[error("a limit on CPU time between sleeps ({0})")]
     CpuLimit(String),
-    /// Locked memory.
+    /// Locking of the memory of the process.
     #[error("locked memory ({0})")]
     Memory(String),
 }
 
-/// Cores of the creating thread, restored when this value is dropped there.
+/// Saved core affinity of the creating thread. It is restored when this value is dropped in that thread.
 #[derive(Debug)]
 pub struct Placement {
     thread: std::thread::ThreadId,
@@ -73,7 +73,7 @@ pub struct Placement {
 }
 
 impl Placement {
-    /// Saves the permitted cores of the calling thread.
+    /// Saves the core affinity of the calling thread.
     pub fn remember() -> Self {
         Self { thread: std::thread::current().id(), cores: sched_getaffinity(None).ok() }
     }
@@ -88,7 +88,7 @@ impl Drop for Placement {
     }
 }
 
-/// Applies a request to the calling thread and process. Returns the settings read back and the denied
+/// Applies a request to the calling thread and its process. Returns the settings in force and the denied
 /// requests.
 pub fn apply(request: &Request) -> (Applied, Vec<Denied>) {
     let mut denied = Vec::new();
@@ -159,8 +159,8 @@ fn set_fifo(priority: u8) -> io::Result<()> {
     if result == 0 { Ok(()) } else { Err(io::Error::last_os_error()) }
 }
 
-/// Lets the calling thread continue until it sleeps after it wakes another thread on its core
-/// (`SCHED_BATCH`), so that a hand-over costs one thread switch. If this is denied, the system is slower but
+/// Lets the calling thread keep its core until it sleeps, even after it has woken another thread on that core
+/// (`SCHED_BATCH`). A hand-over then costs one thread switch. If this is denied, hand-overs are slower but
 /// still correct.
 pub fn hand_over_when_asleep() {
     let parameters = libc::sched_param { sched_priority: 0 };
@@ -182,12 +182,12 @@ fn set_deadline(runtime_ns: u64, period_ns: u64) -> io::Result<()> {
     if result == 0 { Ok(()) } else { Err(io::Error::last_os_error()) }
 }
 
-/// Kills this process if one of its `SCHED_FIFO` threads computes for longer than this without waiting: the
-/// kernel sends `SIGXCPU`, and `SIGKILL` if that is caught. The kernel counts in ticks (4 ms at 250 Hz), so
-/// the end may be up to two ticks later.
+/// Kills this process if one of its `SCHED_FIFO` threads computes for longer than `ns` without sleeping. The
+/// kernel sends `SIGXCPU`, then `SIGKILL` if the first signal is caught. The kernel counts in ticks (4 ms at
+/// 250 Hz), so the process may end up to two ticks later.
 ///
 /// # Errors
-/// The kernel refuses, because a lower limit is in force.
+/// The kernel refuses, because a lower limit is already in force.
 pub fn limit_cpu(ns: u64) -> io::Result<()> {
     use rustix::process::{Resource, Rlimit, setrlimit};
     let soft_us = ns.div_ceil(1_000);
@@ -195,25 +195,25 @@ pub fn limit_cpu(ns: u64) -> io::Result<()> {
     Ok(setrlimit(Resource::Rttime, limit)?)
 }
 
-/// Returns the calling thread to time sharing, for work outside steps, such as saving results.
+/// Returns the calling thread to normal time sharing, for work outside steps, such as saving results.
 pub fn leave_realtime() {
     let parameters = libc::sched_param { sched_priority: 0 };
     // SAFETY: `parameters` is initialised and outlives the call; 0 is the calling thread.
     unsafe { libc::sched_setscheduler(0, libc::SCHED_OTHER | libc::SCHED_RESET_ON_FORK, &parameters) };
 }
 
-/// Gives the calling thread the lowest real-time priority, so that it wakes before all threads that are not
-/// real-time; if denied, acts like [`wake_soon`]. For a thread that waits almost all the time, and uses no
-/// resource that a thread at normal priority may hold.
+/// Gives the calling thread the lowest real-time priority, with which it wakes before all threads that are
+/// not real-time. If this is denied, acts like [`wake_soon`]. For a thread that sleeps almost all the time
+/// and uses no resource that a thread at normal priority may hold.
 pub fn wake_first() {
     if set_fifo(1).is_err() {
         wake_soon();
     }
 }
 
-/// Makes the calling thread, at normal priority, wake before others of that priority by time slices as short
-/// as the kernel allows (0.1 ms, Linux 6.12 and later; no effect before). For a thread that waits almost all
-/// the time.
+/// Lets the calling thread, at normal priority, wake before other threads of that priority, by time slices as
+/// short as the kernel allows (0.1 ms, Linux 6.12 and later; no effect before). For a thread that sleeps
+/// almost all the time.
 pub fn wake_soon() {
     const SHORTEST_TURN_NS: u64 = 100_000;
     // SAFETY: zero is a valid value of the plain struct.
@@ -265,7 +265,7 @@ pub fn page_faults() -> u64 {
     (usage.ru_minflt + usage.ru_majflt) as u64
 }
 
-/// Returns the number of times the calling thread went to sleep (voluntary context switches).
+/// Returns the number of times that the calling thread went to sleep (voluntary context switches).
 pub fn times_asleep() -> u64 {
     usage().ru_nvcsw as u64
 }
@@ -279,7 +279,7 @@ fn usage() -> libc::rusage {
     }
 }
 
-/// Touches 256 KiB of stack, so that the hot path causes no page fault.
+/// Touches 256 KiB of stack to avoid page faults on the hot path.
 #[inline(never)]
 pub fn prefault_stack() {
     let mut stack = [0u8; 256 * 1024];

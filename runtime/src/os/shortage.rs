@@ -10,19 +10,19 @@ const NO_ROOM: u64 = 64 * 1024;
 /// Number of free files below which nothing can be created.
 const NO_NAMES: u64 = 8;
 
-/// Free space in a file system.
+/// Free space in a file system, for this user.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Room {
-    /// Bytes still available to this user.
+    /// Number of bytes that are still available to this user.
     pub bytes: u64,
-    /// Total size, bytes.
+    /// Total size of the file system, bytes.
     pub total: u64,
     /// Number of files that can still be created.
     pub files: u64,
 }
 
 impl Room {
-    /// Returns the free space in the file system of a path; `None` if unavailable.
+    /// Returns the free space in the file system that contains `path`, or `None` if it cannot be determined.
     pub fn for_path(path: &Path) -> Option<Self> {
         let stat = rustix::fs::statvfs(path).ok()?;
         // A file system without a limit on files reports 0 of 0.
@@ -36,7 +36,7 @@ impl Room {
     }
 }
 
-/// Formats a number of bytes in a readable unit.
+/// Formats a number of bytes in a readable unit, such as MiB.
 pub fn amount(bytes: u64) -> String {
     match bytes {
         0..10_240 => format!("{bytes} bytes"),
@@ -45,8 +45,9 @@ pub fn amount(bytes: u64) -> String {
     }
 }
 
-/// Describes the currently exhausted resource, if any, with advice: descriptors of this process, or space in
-/// shared memory or in the file system of `place`. For errors that do not name their cause.
+/// Describes the exhausted resource with advice, for errors that do not name their cause. Checks the
+/// descriptors of this process, and the space in shared memory or in the file system that contains `place`.
+/// Returns `None` if nothing is exhausted.
 pub fn shortage(place: &Path) -> Option<String> {
     if let Err(error) = File::open("/dev/null") {
         match error.raw_os_error() {
@@ -65,7 +66,7 @@ pub fn shortage(place: &Path) -> Option<String> {
         let what = if room.bytes < NO_ROOM {
             format!("{} of {} are free", amount(room.bytes), amount(room.total))
         } else {
-            format!("{} more files may be made", room.files)
+            format!("{} more files can be created", room.files)
         };
         Some(format!(
             "{} is full: {what}; `ls -lS {0}` shows what fills it, `motorium doctor --clean` removes the remains of dead runs",
@@ -74,7 +75,7 @@ pub fn shortage(place: &Path) -> Option<String> {
     })
 }
 
-/// Returns the reason, followed by the exhausted resource, if any.
+/// Appends a description of the exhausted resource to `reason`, if a resource is exhausted.
 pub fn with_shortage(reason: String, place: &Path) -> String {
     match shortage(place) {
         Some(shortage) => format!("{reason}; {shortage}"),
@@ -82,7 +83,7 @@ pub fn with_shortage(reason: String, place: &Path) -> String {
     }
 }
 
-/// Describes an error of starting a process or thread, and names the limit if that is the cause.
+/// Formats an error of starting a process or thread. If a limit of the user is the cause, the text names it.
 pub fn named(error: &std::io::Error) -> String {
     if error.raw_os_error() != Some(libc::EAGAIN) {
         return error.to_string();
@@ -94,7 +95,7 @@ pub fn named(error: &std::io::Error) -> String {
     )
 }
 
-/// Returns the maximum number of processes and threads of this user; `None` without a limit.
+/// Returns the maximum number of processes and threads of this user, or `None` if it is unlimited.
 pub fn process_limit() -> Option<u64> {
     limit(Resource::Nproc)
 }
@@ -104,8 +105,8 @@ fn limit(resource: Resource) -> Option<u64> {
     getrlimit(resource).current
 }
 
-/// Raises a limit below `wanted` as far as permitted. Returns the limit then in force; `None` without a
-/// limit.
+/// Raises a limit to `wanted`, as far as permitted. Returns the limit then in force, or `None` if there is
+/// none.
 pub fn raise_limit(resource: Resource, wanted: u64) -> Option<u64> {
     let Rlimit { current, maximum } = getrlimit(resource);
     let current = current?;

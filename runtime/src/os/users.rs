@@ -5,22 +5,22 @@
 
 use std::fs;
 
-/// Real-time threads of a process of another user.
+/// A process of another user that has real-time threads.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Foreign {
-    /// The process.
+    /// Id of the process.
     pub pid: u32,
-    /// Its user.
+    /// Id of the user who owns the process.
     pub user: u32,
-    /// Kernel name of its program: at most 15 bytes.
+    /// Name of the program as reported by the kernel, at most 15 bytes.
     pub program: String,
-    /// Name of the class of its most urgent thread, such as `SCHED_FIFO 83`.
+    /// Scheduling class of the most urgent thread, such as `SCHED_FIFO 83`.
     pub class: String,
-    /// Cores of its real-time threads.
+    /// Cores to which the real-time threads are bound.
     pub cores: Vec<usize>,
 }
 
-/// Returns the number of visible threads of this user; `None` without `/proc`.
+/// Returns the number of visible threads of this user, or `None` without `/proc`.
 pub fn threads_of_this_user() -> Option<u64> {
     let user = rustix::process::getuid().as_raw();
     let mut threads = 0;
@@ -33,8 +33,8 @@ pub fn threads_of_this_user() -> Option<u64> {
     Some(threads)
 }
 
-/// Returns `true` if the process limit applies to this process. Root and users with the resource capability
-/// are exempt.
+/// Returns `true` if the limit on processes and threads applies to this process. Root and users with the
+/// resource capability are exempt.
 pub fn is_bound_by_process_limit() -> bool {
     const EXEMPT: u64 = 1 << 24 | 1 << 21; // CAP_SYS_RESOURCE, CAP_SYS_ADMIN
     let capabilities = Status::read("/proc/self/status").map_or(0, |status| status.capabilities);

@@ -6,21 +6,23 @@ use std::time::Duration;
 use rustix::thread::{ClockId, futex};
 use rustix::time::Timespec;
 
-/// Returns `CLOCK_MONOTONIC`, ns. Uses the vDSO, without a system call.
+/// Returns the time of `CLOCK_MONOTONIC`, ns. Uses the vDSO, without a system call.
 #[inline]
 pub fn monotonic_ns() -> u64 {
     let now = rustix::time::clock_gettime(ClockId::Monotonic);
     now.tv_sec as u64 * 1_000_000_000 + now.tv_nsec as u64
 }
 
-/// Returns `CLOCK_BOOTTIME`, which continues during suspend, ns. Uses the vDSO, without a system call.
+/// Returns the time of `CLOCK_BOOTTIME`, which continues during suspend, ns. Uses the vDSO, without a system
+/// call.
 #[inline]
 pub fn boottime_ns() -> u64 {
     let now = rustix::time::clock_gettime(ClockId::Boottime);
     now.tv_sec as u64 * 1_000_000_000 + now.tv_nsec as u64
 }
 
-/// Returns `CLOCK_REALTIME`, which may be adjusted at any time, ns. Uses the vDSO, without a system call.
+/// Returns the time of `CLOCK_REALTIME`, which may be adjusted at any time, ns. Uses the vDSO, without a
+/// system call.
 #[inline]
 pub fn realtime_ns() -> u64 {
     let now = rustix::time::clock_gettime(ClockId::Realtime);
@@ -37,10 +39,11 @@ pub fn sleep_until(deadline_ns: u64) {
     let _ = rustix::thread::clock_nanosleep_absolute(ClockId::Monotonic, &deadline);
 }
 
-/// Waits until `word` is no longer `value`, a process wakes it, a signal arrives, or the timeout passes.
+/// Waits until `word` differs from `value`, a process wakes the waiters, a signal arrives, or the timeout
+/// passes.
 ///
-/// The word may be in shared memory. Returns `true` if a signal ended the wait. The word may also be
-/// unchanged without a signal, because a late wake-up for the previous value can end the wait for the next.
+/// The word may be in shared memory. Returns `true` if a signal ended the wait. May return early with the
+/// word unchanged, because a late wake-up for an earlier value can end the wait.
 #[inline(always)]
 pub fn futex_wait(word: &AtomicU32, value: u32, timeout: Option<Duration>) -> bool {
     let timeout = timeout.map(|t| Timespec { tv_sec: t.as_secs() as i64, tv_nsec: t.subsec_nanos() as _ });
@@ -54,12 +57,12 @@ pub fn futex_wake(word: &AtomicU32) {
     let _ = futex::wake(word, futex::Flags::empty(), i32::MAX as u32);
 }
 
-/// Returns the current core of the calling thread, without a system call.
+/// Returns the core on which the calling thread runs, without a system call.
 pub fn current_core() -> usize {
     rustix::thread::sched_getcpu()
 }
 
-/// Yields this core to other threads of the same priority.
+/// Yields the core to other threads of the same priority.
 pub fn yield_core() {
     rustix::thread::sched_yield();
 }

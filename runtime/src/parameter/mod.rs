@@ -25,11 +25,11 @@ pub struct Parameter<T> {
     marker: core::marker::PhantomData<T>,
 }
 
-/// A type of parameters with a single value.
+/// A type of single-valued parameters.
 pub trait AnyParameter: Copy {
-    /// Declared kind of the type.
+    /// Declared kind of parameters of this type.
     const KIND: ParameterKind;
-    /// Converts the bits of a value that is known to be of this kind.
+    /// Converts the bits of a value that is known to have this kind.
     fn of_bits(bits: u64) -> Self;
 }
 
@@ -60,7 +60,7 @@ impl AnyParameter for bool {
     }
 }
 
-/// The value of a choice parameter: the index of the chosen name in the order of the declaration.
+/// Value of a choice parameter: the index of the chosen name in the order of the declaration.
 ///
 /// ```
 /// use motorium::component::Choice;
@@ -104,14 +104,14 @@ impl<T: AnyParameter> Parameter<T> {
         Self { numbers, place, marker: core::marker::PhantomData }
     }
 
-    /// Returns the value for this step.
+    /// Returns the value that applies in this step.
     #[inline]
     pub fn get(&self) -> T {
         T::of_bits(self.numbers[self.place].get())
     }
 }
 
-/// An array parameter of fixed length; changes are applied between two steps, to all entries together.
+/// An array parameter of fixed length. Changes are applied between two steps, to all entries together.
 ///
 /// ```
 /// use motorium::component::ParameterArray;
@@ -140,17 +140,17 @@ impl ParameterArray {
         Self { numbers, place, length }
     }
 
-    /// Returns the declared number of entries.
+    /// Returns the number of entries, as declared.
     pub fn len(&self) -> usize {
         self.length
     }
 
-    /// Returns `true` if it has no entries; declared arrays always have some.
+    /// Returns `true` if the array has no entries. Declared arrays always have some.
     pub fn is_empty(&self) -> bool {
         self.length == 0
     }
 
-    /// Returns one entry for this step.
+    /// Returns the value of one entry that applies in this step.
     ///
     /// # Panics
     /// If the index is not below [`len`](Self::len).
@@ -160,7 +160,7 @@ impl ParameterArray {
         f64::from_bits(self.numbers[self.place + index].get())
     }
 
-    /// Iterates over its entries for this step, in order.
+    /// Returns an iterator over the entries that apply in this step, in order.
     #[inline]
     pub fn iter(&self) -> impl Iterator<Item = f64> + '_ {
         self.numbers[self.place..self.place + self.length].iter().map(|bits| f64::from_bits(bits.get()))

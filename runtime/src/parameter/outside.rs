@@ -1,4 +1,4 @@
-//! Parameters of a running graph, as seen from outside its components.
+//! Parameters of a running graph, read and set from outside its components.
 
 use iceoryx2::node::Node;
 
@@ -8,7 +8,7 @@ use crate::domain::{Domain, DomainError, ServiceError, Shared, service_name};
 use crate::nearest::suggest;
 use crate::plan::{ComponentPlan, ParameterPlan, Plan};
 
-/// Error of reading or setting a parameter from outside.
+/// Error of reading or setting a parameter from outside the graph.
 #[derive(Debug, thiserror::Error)]
 pub enum ParameterError {
     /// The component or parameter does not exist.
@@ -17,15 +17,15 @@ pub enum ParameterError {
     /// The value has the wrong type or is out of range.
     #[error("{0}")]
     Refused(String),
-    /// The run cannot be reached.
+    /// The blackboard of the parameters cannot be opened, read or written.
     #[error(transparent)]
     Service(#[from] ServiceError),
-    /// The run's domain cannot be joined.
+    /// The iceoryx2 domain of the run cannot be joined.
     #[error(transparent)]
     Domain(#[from] DomainError),
 }
 
-/// Parameters of a running graph, as seen from outside.
+/// Reads and sets the parameters of a running graph from outside.
 #[derive(Debug)]
 pub struct ParameterTable {
     node: Node<Shared>,
@@ -36,18 +36,18 @@ pub struct ParameterTable {
 type Admitted<'a> = (usize, usize, &'a ParameterPlan, ParameterValue);
 
 impl ParameterTable {
-    /// Joins a run.
+    /// Joins a run to read and set its parameters.
     ///
     /// # Errors
-    /// The run's domain cannot be joined.
+    /// The iceoryx2 domain of the run cannot be joined.
     pub fn open(domain: &Domain, plan: Plan) -> Result<Self, ParameterError> {
         Ok(Self { node: domain.node()?, plan })
     }
 
-    /// Returns all parameters of the graph: component, declaration, current value.
+    /// Returns all parameters of the graph: name of the component, declaration, and current value.
     ///
     /// # Errors
-    /// The run cannot be reached.
+    /// The parameters cannot be read.
     pub fn list(&self) -> Result<Vec<(String, ParameterPlan, ParameterValue)>, ParameterError> {
         let mut all = Vec::new();
         for component in &self.plan.components {
@@ -58,7 +58,8 @@ impl ParameterTable {
         Ok(all)
     }
 
-    /// Sets a parameter, named `component.parameter`. It takes effect at the component's next step.
+    /// Sets a parameter, named `component.parameter`, and returns the new value in its declared type. It
+    /// takes effect at the component's next step.
     ///
     /// # Errors
     /// The parameter does not exist, the value has the wrong type or is out of range, or another writer is
@@ -68,11 +69,11 @@ impl ParameterTable {
         Ok(set.swap_remove(0))
     }
 
-    /// Sets several parameters and returns their new values. Parameters of one component take effect together
-    /// at its next step.
+    /// Sets several parameters and returns their new values. Parameters of the same component take effect
+    /// together, at its next step.
     ///
     /// # Errors
-    /// Same as [`set`](Self::set), for the first invalid value; no parameter is set then.
+    /// Same as [`set`](Self::set), for the first invalid value. No parameter is set then.
     pub fn set_many<'a>(
         &self,
         values: impl IntoIterator<Item = (&'a str, ParameterValue)>,

@@ -1,11 +1,11 @@
-//! Expectations: conditions on figures in the report of a finished run.
+//! Expectations: conditions on values in the report of a finished run.
 
 use core::fmt;
 use core::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
-/// A condition on a figure in the report, such as `controller.position_error_m <= 1e-3`.
+/// A condition on a value in the report, such as `controller.position_error_m <= 1e-3`.
 ///
 /// ```
 /// use motorium::plan::Expectation;
@@ -18,56 +18,56 @@ use serde::{Deserialize, Serialize};
 /// ```
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Expectation {
-    /// The figure: the name of a component, and the path of a value in its result or its section of the
-    /// report.
+    /// Path of the value in the report: the name of a component, then the path in its result or in its
+    /// section of the report.
     pub figure: String,
-    /// Relation of the figure to the bound.
+    /// Comparison of the value with the bound.
     pub comparison: Comparison,
-    /// Bound: a number, text, true or false.
+    /// Bound: a number, a text, true or false.
     pub bound: serde_json::Value,
 }
 
-/// Relation of a figure to a bound.
+/// Comparison of a reported value with a bound.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Comparison {
-    /// `<`, of numbers.
+    /// Operator `<`; numbers only.
     #[serde(rename = "<")]
     Below,
-    /// `<=`, of numbers.
+    /// Operator `<=`; numbers only.
     #[serde(rename = "<=")]
     AtMost,
-    /// `>`, of numbers.
+    /// Operator `>`; numbers only.
     #[serde(rename = ">")]
     Above,
-    /// `>=`, of numbers.
+    /// Operator `>=`; numbers only.
     #[serde(rename = ">=")]
     AtLeast,
-    /// `==`.
+    /// Operator `==`.
     #[serde(rename = "==")]
     Equal,
-    /// `!=`.
+    /// Operator `!=`.
     #[serde(rename = "!=")]
     NotEqual,
 }
 
-/// The text is not a valid expectation.
+/// Error of parsing an expectation.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum ExpectationError {
     /// The comparison is missing.
-    #[error("`{0}` is not a condition: it does not begin with `<`, `<=`, `>`, `>=`, `==`, `!=`")]
+    #[error("`{0}` has no comparison, expected one of `<`, `<=`, `>`, `>=`, `==`, `!=`")]
     NoComparison(String),
     /// The bound after the comparison is missing.
-    #[error("`{0}` has no bound: expected a number, text, true or false after the comparison")]
+    #[error("`{0}` has no bound, expected a number, text, true or false after the comparison")]
     NoBound(String),
-    /// The bound of an order comparison is not a number.
-    #[error("`{0}` compares with text: only numbers are more or less")]
+    /// The bound of `<`, `<=`, `>` or `>=` is not a number.
+    #[error("`{0}` has a bound that is not a number, expected a number after `<`, `<=`, `>` or `>=`")]
     NoOrder(String),
     /// The figure before the comparison is missing.
-    #[error("`{0}` names no figure: expected such as `controller.position_error_m <= 1e-3`")]
+    #[error("`{0}` names no figure, expected a condition such as `controller.position_error_m <= 1e-3`")]
     NoFigure(String),
 }
 
-/// All comparisons; two-character ones precede their prefixes.
+/// All comparisons. Those with two characters precede their prefixes.
 const COMPARISONS: [Comparison; 6] = [
     Comparison::AtMost,
     Comparison::AtLeast,
@@ -120,7 +120,7 @@ impl Expectation {
         Ok(Self { figure, comparison, bound })
     }
 
-    /// Returns the name of the figure's component.
+    /// Returns the name of the component to which the figure belongs.
     pub fn component(&self) -> &str {
         self.figure.split('.').next().unwrap_or_default()
     }
@@ -130,8 +130,8 @@ impl Expectation {
         format!("{} {}", self.comparison.sign(), self.bound)
     }
 
-    /// Returns `true` if `value` satisfies the condition. A missing value, a value that is not finite, or a
-    /// non-number where a number is expected does not.
+    /// Returns `true` if `value` satisfies the condition. Returns `false` for a missing value, a value that
+    /// is not finite, and a value that is not a number where a number is expected.
     pub fn is_met_by(&self, value: &serde_json::Value) -> bool {
         if value.is_null() {
             return false;
@@ -205,11 +205,11 @@ mod tests {
     #[test]
     fn invalid_expectations_explain_the_error() {
         for (text, reason) in [
-            ("controller.error", "does not begin with"),
+            ("controller.error", "has no comparison"),
             ("controller.error <=", "has no bound"),
-            ("controller.error < small", "only numbers"),
+            ("controller.error < small", "expected a number after"),
             ("<= 3", "names no figure"),
-            ("a.b => 3", "does not begin with"),
+            ("a.b => 3", "has no comparison"),
         ] {
             let error = text.parse::<Expectation>().unwrap_err().to_string();
             assert!(error.contains(reason), "{text}: {error}");

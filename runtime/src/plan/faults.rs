@@ -1,8 +1,8 @@
-//! Consequences of faults of one component: late and failed steps, crashes, hangs.
+//! Consequences of a component's faults: late and failed steps, crashes, hangs.
 
 use serde::{Deserialize, Serialize};
 
-/// The consequence of a step that ran past the next release.
+/// Policy for a step that ran past the next release.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum OnOverrun {
@@ -12,7 +12,7 @@ pub enum OnOverrun {
     CatchUp,
     /// Restart the grid at the end of the late step.
     Rephase,
-    /// Like `skip`, and withhold the outputs of the late step: readers keep the older value.
+    /// Same as `skip`, and withhold the outputs of the late step: readers keep the previous value.
     Hold,
     /// Bring the whole graph to its safe state.
     SafeStop,
@@ -24,11 +24,11 @@ pub enum OnOverrun {
 pub enum OnError {
     /// The component fails; `restart` and `on_failure` take effect.
     Fail,
-    /// Report and count the error; the component continues, its readers keep the older value.
+    /// Report and count the error. The component continues, and its readers keep the previous value.
     Hold,
 }
 
-/// Policy for a component that failed and is not restarted, or not again.
+/// Policy for a component that has failed and is not restarted, or not again.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum OnFailure {
@@ -38,45 +38,45 @@ pub enum OnFailure {
     Ignore,
 }
 
-/// Condition of a restart.
+/// Condition under which a component is restarted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum RestartWhen {
-    /// Never.
+    /// The component is never restarted.
     Never,
-    /// After a crash, an error or a kill.
+    /// The component is restarted after a crash, an error or a kill.
     Failure,
-    /// After every end, including a normal one.
+    /// The component is restarted after every end, including a normal one.
     Always,
 }
 
-/// Restart policy.
+/// Restart policy of a component.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RestartPlan {
-    /// The condition.
+    /// Condition under which the component is restarted.
     pub when: RestartWhen,
     /// Maximum number of restarts within `window_ns`.
     pub at_most: u32,
-    /// The window over which restarts are counted, ns.
+    /// Time window over which restarts are counted, ns.
     pub window_ns: u64,
-    /// Time within which a restarted component must step again, ns; otherwise it has failed again.
+    /// Time within which a restarted component must step again, ns. Otherwise it counts as failed again.
     pub within_ns: u64,
 }
 
-/// Limits of one component on time without a step, computing time and lost steps.
+/// Limits of one component: time without a step, computing time, and lost steps.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct LivenessPlan {
-    /// Time without a due step after which it counts as hung, ns.
+    /// Time without a due step after which the component counts as hung, ns.
     pub hang_after_ns: u64,
-    /// Time it may compute without waiting before the kernel kills it, ns; `None` unless its class is
-    /// `SCHED_FIFO`.
+    /// Time for which the component may compute without sleeping before the kernel kills it, ns; `None`
+    /// unless its class is `SCHED_FIFO`.
     pub cpu_limit_ns: Option<u64>,
-    /// Share of lost steps, 0 to 1, above which there is a warning.
+    /// Fraction of lost steps, 0 to 1, above which a warning is printed.
     pub lost_steps: f64,
 }
 
 impl Default for LivenessPlan {
-    /// Returns unreachable limits.
+    /// Returns limits that are never reached.
     fn default() -> Self {
         Self { hang_after_ns: u64::MAX, cpu_limit_ns: None, lost_steps: 1.0 }
     }

@@ -21,54 +21,55 @@ pub(crate) use safety::EMERGENCY_STOP_PORT;
 pub use safety::{ActuatorSafety, GateRules, LimitPolicy, ResumeRule, SafeState, SafetyPlan};
 pub use topics::{LatencyPlan, OnMiss, TopicPlan};
 
-/// A resolved graph.
+/// A resolved and checked graph.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Plan {
     /// Name of the graph.
     pub name: String,
-    /// The graph file, for messages.
+    /// Path of the graph file, for messages.
     pub file: PathBuf,
-    /// The clock.
+    /// Clock of the run: real time or lockstep.
     pub clock: ClockKind,
-    /// Duration of the run, ns; `None` runs until stopped.
+    /// Duration of the run, ns; `None` if the run continues until it is stopped.
     pub duration_ns: Option<u64>,
-    /// Seed of the run, from which each component derives its own.
+    /// Seed of the run, from which the seeds of all components are derived.
     pub seed: u64,
-    /// Division into episodes.
+    /// Episodes of the run; `None` if it is not divided into episodes.
     #[serde(default)]
     pub episodes: Option<EpisodesPlan>,
-    /// Components in the order of the file; their index here is their identity.
+    /// Components in the order of the file. Other parts of the plan refer to a component by its index here.
     pub components: Vec<ComponentPlan>,
-    /// Topics in the order of first mention.
+    /// Topics in the order of their first mention in the file.
     pub topics: Vec<TopicPlan>,
     /// End-to-end latency budgets.
     pub latencies: Vec<LatencyPlan>,
-    /// Cores and scheduling.
+    /// Cores and scheduling of the whole graph.
     pub scheduling: SchedulingPlan,
     /// Limits and states for the safety of the robot.
     pub safety: SafetyPlan,
-    /// Conditions on the report of the run.
+    /// Conditions that the report of the run must satisfy.
     #[serde(default)]
     pub expectations: Vec<Expectation>,
-    /// Minimum number of events kept unread in the trace of each component; 0 for a run without a trace.
+    /// Minimum number of events in the trace of each component that may go unread; 0 if the run is not
+    /// traced.
     #[serde(default)]
     pub trace_events: usize,
 }
 
 impl Plan {
-    /// Returns the safety rules of an actuator: its own, or else the graph's.
+    /// Returns the safety rules of an actuator: its own rules if the graph sets any, otherwise the graph's.
     pub fn safety_of(&self, component: &ComponentPlan) -> ActuatorSafety {
         component.safety.unwrap_or_else(|| self.safety.of_actuators())
     }
 
-    /// Returns the longest time that an actuator stays in its safe state before it is stopped, ns: at least
-    /// the graph's.
+    /// Returns the longest time for which an actuator stays in its safe state before it is stopped, ns. Not
+    /// less than the graph's `settle_ns`.
     pub fn settle_ns(&self) -> u64 {
         let own = self.components.iter().filter_map(|component| Some(component.safety?.settle_ns));
         own.fold(self.safety.settle_ns, u64::max)
     }
 
-    /// Returns the component that begins the episodes of a run in real time.
+    /// Returns the component that begins the episodes of a run in real time, or `None`.
     pub fn episode_driver(&self) -> Option<&ComponentPlan> {
         self.components.iter().find(|component| component.begins_episodes)
     }
@@ -77,9 +78,10 @@ impl Plan {
 /// The episodes of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct EpisodesPlan {
-    /// Number of episodes; each lasts for the duration of the plan, or until a component ends it.
+    /// Number of episodes. Each lasts for the duration of the plan, or until a component ends it.
     pub count: u64,
-    /// If true, the seed of each episode is the plan's plus its index; otherwise all have the plan's seed.
+    /// If true, the seed of each episode is the plan's seed plus the episode's index; otherwise it is the
+    /// plan's seed.
     pub vary_seed: bool,
 }
 
@@ -90,8 +92,8 @@ impl EpisodesPlan {
     }
 }
 
-/// Returns the seed of a component for a run or episode with this seed. It depends on the component's name
-/// rather than its position, so adding a component does not change the other seeds.
+/// Returns the seed of a component in a run or an episode with seed `seed`. It depends on the component's
+/// name rather than its index, so adding a component does not change the seeds of others.
 pub(crate) fn component_seed(seed: u64, name: &str) -> u64 {
     let mut digest = Digest::default();
     digest.write_u64(seed);
@@ -103,7 +105,7 @@ pub(crate) fn component_seed(seed: u64, name: &str) -> u64 {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum OnDenied {
-    /// Run without them, and print one line that lists them.
+    /// Run without them, and print one line that lists the denied requests.
     Warn,
     /// Refuse to run.
     Strict,
@@ -112,32 +114,32 @@ pub enum OnDenied {
 /// Scheduling for the whole graph.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SchedulingPlan {
-    /// Cores of everything that is not real-time: launcher, tools, components of class `Normal`.
+    /// Cores for everything that is not real-time: launcher, tools, and components of class `Normal`.
     pub shared_cores: Vec<usize>,
-    /// Policy for denied requests.
+    /// Policy for real-time requests that the system denies.
     pub on_denied: OnDenied,
     /// Maximum exit latency of idle states while the graph runs in real time, ns.
     pub idle_exit_ns: u64,
 }
 
-/// Time before a release at which a component stops sleeping and starts spinning.
+/// Time before each release at which a component stops sleeping and starts spinning.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Spin {
     /// A fixed time.
     Fixed {
-        /// The time, ns; 0 for no spinning.
+        /// Time before the release, ns; 0 disables spinning.
         ns: u64,
     },
-    /// A time that follows the measured wake errors of the machine.
+    /// A time that adapts to the wake-up errors measured on the machine.
     Tuned {
-        /// Upper limit, ns.
+        /// Upper limit of the time, ns.
         at_most_ns: u64,
     },
 }
 
 impl Spin {
-    /// Returns the longest possible time, ns.
+    /// Returns the longest possible time of spinning before a release, ns.
     pub fn at_most_ns(self) -> u64 {
         match self {
             Self::Fixed { ns } | Self::Tuned { at_most_ns: ns } => ns,
@@ -145,58 +147,58 @@ impl Spin {
     }
 }
 
-/// The program of a component.
+/// The program that runs a component.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Program {
-    /// A kind that the launching program hosts itself.
+    /// A kind that the launching program contains.
     Builtin {
         /// Name of the kind.
         kind: String,
     },
-    /// A kind hosted by another installed program.
+    /// A kind that another installed program contains.
     Sibling {
         /// Name of the kind.
         kind: String,
         /// Path of the executable.
         path: PathBuf,
     },
-    /// The user's own program.
+    /// A program of the user.
     Exec {
         /// Path of the executable.
         path: PathBuf,
     },
 }
 
-/// The activation of a component's steps.
+/// Condition that releases the steps of a component.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Activation {
-    /// Periodic: at `start + phase + n * period`.
+    /// Time-triggered: released at `start + phase + n * period`.
     Periodic {
         /// Period, ns.
         period_ns: u64,
         /// Offset of the first release, ns.
         phase_ns: u64,
     },
-    /// On each publication of a topic.
+    /// Released by each publication of a topic.
     Triggered {
-        /// Index of the topic.
+        /// Index of the topic in the plan.
         topic: usize,
-        /// Index in `inputs` of the port that reads it.
+        /// Index in `inputs` of the port that reads the topic.
         input: usize,
         /// Period of the component at the head of the chain, ns.
         period_ns: u64,
     },
-    /// Sporadic: while a file descriptor of the component is readable.
+    /// Sporadic: released while a file descriptor of the component is readable.
     Descriptor {
-        /// Shortest time between two releases, ns.
+        /// Minimum time between two releases, ns.
         min_interval_ns: u64,
     },
 }
 
 impl Activation {
-    /// Returns the nominal time between two steps, ns; the shortest one for a sporadic component.
+    /// Returns the nominal time between two steps, ns. For a sporadic component this is the minimum time.
     pub fn period_ns(&self) -> u64 {
         match *self {
             Self::Periodic { period_ns, .. } | Self::Triggered { period_ns, .. } => period_ns,
@@ -204,27 +206,28 @@ impl Activation {
         }
     }
 
-    /// Returns `true` if the component is at the head of a trigger chain: no other component releases it.
+    /// Returns `true` if the component is at the head of a trigger chain, that is, if no other component
+    /// releases it.
     pub fn is_head(&self) -> bool {
         !matches!(self, Self::Triggered { .. })
     }
 }
 
-/// Scheduling class of one component.
+/// Scheduling class of a component.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum SchedulingClass {
     /// `SCHED_FIFO` with this priority, 1 to 99.
     Fifo(u8),
-    /// `SCHED_DEADLINE`: the kernel gives the component this time in every period, ahead of all `SCHED_FIFO`
-    /// threads, and no more. It runs on any core.
+    /// `SCHED_DEADLINE`: the kernel grants the component `runtime_ns` of CPU time in every period and no
+    /// more, ahead of all `SCHED_FIFO` threads. The component may run on any core.
     Deadline {
-        /// CPU time in each period, ns.
+        /// CPU time granted in each period, ns.
         runtime_ns: u64,
         /// Period and relative deadline, ns.
         period_ns: u64,
     },
-    /// The system's default time sharing.
+    /// The default time sharing of the operating system (`SCHED_OTHER`).
     Normal,
 }
 
@@ -233,18 +236,18 @@ pub enum SchedulingClass {
 pub struct PortPlan {
     /// Name of the port.
     pub port: String,
-    /// Index of the topic; `None` for a port left unwired.
+    /// Index of the topic in the plan; `None` if the graph leaves the port unwired.
     pub topic: Option<usize>,
-    /// State or stream, as declared by this side.
+    /// Delivery pattern as declared by this port.
     pub pattern: TopicPattern,
-    /// Layout of its samples.
+    /// Layout of the samples.
     pub layout: TypeLayout,
 }
 
 /// A parameter with its initial value.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ParameterPlan {
-    /// Name, default, range.
+    /// Declaration of the parameter: name, default and range.
     pub declaration: ParameterDeclaration,
     /// Value at the start of the run.
     pub initial: ParameterValue,
@@ -253,25 +256,27 @@ pub struct ParameterPlan {
 /// A resolved component.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ComponentPlan {
-    /// Its name in the graph.
+    /// Name of the component in the graph.
     pub name: String,
-    /// Its program.
+    /// Program that runs the component.
     pub program: Program,
-    /// Its activation.
+    /// Condition that releases the component's steps.
     pub activation: Activation,
-    /// Execution time allowed per step, ns.
+    /// Allowed execution time per step, ns; `None` if the graph sets no budget.
     pub budget_ns: Option<u64>,
-    /// Longest time that a step waits for an answer from outside the graph, without using the core, ns.
+    /// Maximum time for which a step waits for an answer from outside the graph, without using the core, ns.
     #[serde(default)]
     pub waits_ns: u64,
-    /// Core it is pinned to; `None` for any of the shared cores, or for any core with `SCHED_DEADLINE`.
+    /// Core to which the component is pinned; `None` if it may run on any shared core or, with
+    /// `SCHED_DEADLINE`, on any core.
     pub core: Option<usize>,
-    /// Spinning before a release. A triggered component does not spin.
+    /// Spinning before each release. A triggered component does not spin.
     pub spin: Spin,
     /// Scheduling class.
     pub class: SchedulingClass,
-    /// Increment of its priority over the head of its trigger chain on its core, so that a triggered
-    /// component runs before the component that triggered it continues.
+    /// Amount by which the component's priority exceeds the priority of the head of its trigger chain on the
+    /// same core. With a higher priority, a triggered component runs before the component that triggered it
+    /// continues.
     #[serde(default)]
     pub rise: u8,
     /// Inputs in the order of declaration.
@@ -282,62 +287,65 @@ pub struct ComponentPlan {
     pub cause: Option<usize>,
     /// Parameters in the order of declaration.
     pub parameters: Vec<ParameterPlan>,
-    /// The `config` table.
+    /// The `config` table of the component.
     pub config: serde_json::Value,
     /// Folder that relative paths in the `config` table refer to.
     #[serde(default)]
     pub folder: PathBuf,
-    /// The robot it works on.
+    /// Robot assigned to the component, or `None`.
     pub robot: Option<RobotReference>,
-    /// Robots of the component, if the graph assigns several by `robots`.
+    /// Robots assigned to the component by `robots`; empty otherwise.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub robots: Vec<RobotReference>,
-    /// True if it applies commands to a robot.
+    /// True if the component applies commands to a robot.
     pub actuator: bool,
-    /// The safety of an actuator for which the graph overrides its `[safety]`.
+    /// Safety rules of this actuator, if the graph overrides its `[safety]` for it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub safety: Option<ActuatorSafety>,
-    /// Facts about the component in this graph that its table does not show, one sentence each.
+    /// Facts about the component in this graph that its table in the graph file does not show, one sentence
+    /// each.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub notes: Vec<String>,
-    /// Seed of its random numbers, derived from the run's seed and its name.
+    /// Seed of the component's random numbers, derived from the run's seed and the component's name.
     pub seed: u64,
-    /// True if it can be reset for a new episode.
+    /// True if the component can be reset for a new episode.
     #[serde(default)]
     pub resets: bool,
-    /// `true` if it may end an episode.
+    /// True if the component may end an episode.
     #[serde(default)]
     pub ends_episode: bool,
-    /// True if it begins the episodes of a run in real time.
+    /// True if the component begins the episodes of a run in real time.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub begins_episodes: bool,
-    /// The consequence of a late step.
+    /// Policy for a late step.
     pub on_overrun: OnOverrun,
     /// Limits on time without a step, computing time and lost steps.
     pub liveness: LivenessPlan,
-    /// Number of late steps, minus later punctual ones, above which the graph enters its safe state; `None`
+    /// Number of late steps, minus later punctual steps, above which the graph enters its safe state; `None`
     /// for no limit.
     pub overruns_tolerated: Option<u32>,
-    /// The consequence of a failed step.
+    /// Policy for a failed step.
     pub on_error: OnError,
-    /// The consequence of its permanent failure.
+    /// Policy for a permanent failure of the component.
     pub on_failure: OnFailure,
-    /// Its restart policy.
+    /// Restart policy of the component.
     pub restart: RestartPlan,
-    /// Time within which it must stop before it is killed; default [`STOP_WITHIN_NS`].
+    /// Time within which the component must stop before it is killed, ns; `None` for the default
+    /// [`STOP_WITHIN_NS`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stop_within_ns: Option<u64>,
-    /// Position in the fixed order of a lockstep tick: writers before the readers they trigger.
+    /// Position of the component in the fixed order of a lockstep tick. Writers precede the readers that they
+    /// trigger.
     pub order: usize,
 }
 
-/// Default time for a component to stop, ns.
+/// Default time within which a component must stop, ns.
 pub const STOP_WITHIN_NS: u64 = 2_000_000_000;
 
 impl Plan {
-    /// Returns the component that can block this component's core longest by computing endlessly, and the
-    /// limit at which the kernel kills it, ns. Returns `None` if there is none: lower priorities never block
-    /// a core, and `SCHED_DEADLINE` components only get their budget in every period.
+    /// Returns the component that can block this component's core for the longest time by computing
+    /// endlessly, and the time after which the kernel kills it, ns. Returns `None` if no component can: lower
+    /// priorities never block a core, and `SCHED_DEADLINE` components only get their budget in every period.
     pub fn longest_hold_up(&self, component: usize) -> Option<(usize, u64)> {
         let held = &self.components[component];
         let priority = |component: &ComponentPlan| match component.class {
@@ -352,8 +360,8 @@ impl Plan {
         limits.max_by_key(|(_, limit)| *limit)
     }
 
-    /// Returns the emergency-stop topics read by the gates of actuators: one, unless `subscribe` tables name
-    /// others.
+    /// Returns the emergency-stop topics that the gates of actuators read. There is one, unless `subscribe`
+    /// tables name others.
     pub(crate) fn emergency_stops(&self) -> impl Iterator<Item = usize> {
         let actuators = self.components.iter().filter(|component| component.actuator);
         let ports = actuators.flat_map(|component| &component.inputs);
@@ -365,8 +373,8 @@ impl Plan {
         self.emergency_stops().any(|stop| stop == topic)
     }
 
-    /// Returns the edges of the graph as pairs of topic and reader, ordered by topic and then by reader. A
-    /// component that reads a topic through several ports is one edge.
+    /// Returns the edges of the graph as pairs of topic index and reader index, ordered by topic and then by
+    /// reader. A component that reads a topic through several ports is one edge.
     pub fn edges(&self) -> Vec<(usize, usize)> {
         let mut edges = Vec::new();
         for (index, topic) in self.topics.iter().enumerate() {
@@ -379,8 +387,8 @@ impl Plan {
         edges
     }
 
-    /// Returns the pin that an input uses: its index among the ports that read its topic. 0 for an unwired
-    /// input.
+    /// Returns the pin that an input uses, which is its index among the ports that read its topic; 0 for an
+    /// unwired input.
     pub fn pin(&self, component: usize, input: usize) -> usize {
         let inputs = &self.components[component].inputs;
         let Some(topic) = inputs[input].topic else { return 0 };

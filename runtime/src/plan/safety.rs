@@ -2,27 +2,27 @@
 
 use serde::{Deserialize, Serialize};
 
-/// State that an actuator applies when commands fail.
+/// State that an actuator applies when commands are stale or invalid.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum SafeState {
-    /// Hold the position at which the command became stale, with at least the profile's gains.
+    /// Hold the position at the time when the command became stale, with at least the profile's gains.
     Hold,
-    /// No setpoint, only damping.
+    /// Damp the motion, without a position setpoint.
     Damp,
-    /// No effort at all.
+    /// Apply no effort at all.
     ZeroTorque,
-    /// Stop as fast as the effort limits allow, then hold.
+    /// Stop as fast as the effort limits allow, then hold the position.
     Brake,
 }
 
-/// Policy for a command beyond a limit of its joint.
+/// Policy for a command that exceeds a limit of a joint.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum LimitPolicy {
-    /// Apply it as far as the limits allow.
+    /// Apply the command as far as the limits allow.
     Clamp,
-    /// Do not apply it; apply the safe state instead.
+    /// Refuse the command, and apply the safe state instead.
     Refuse,
 }
 
@@ -30,24 +30,25 @@ pub enum LimitPolicy {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ResumeRule {
-    /// Follow them from the held pose, initially at half of the velocity and acceleration limits and then
-    /// faster, then apply them; immediately if the setpoint is within reach.
+    /// Move from the held pose towards the commands, initially at half of the velocity and acceleration
+    /// limits and later faster, then apply the commands. If the setpoint is within reach, apply them
+    /// immediately.
     Near,
-    /// Stay in the safe state until `motorium resume`; then like `near`.
+    /// Stay in the safe state until `motorium resume`, then continue as for `near`.
     Latch,
-    /// Apply them immediately, at any distance.
+    /// Apply the commands immediately, at any distance.
     AtOnce,
 }
 
 /// Name of the input by which an actuator's gate reads the emergency-stop topic.
 pub(crate) const EMERGENCY_STOP_PORT: &str = "emergency_stop";
 
-/// The rules by which a command gate treats the commands of its joints.
+/// Rules by which a command gate checks commands and applies the safe state.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct GateRules {
-    /// State applied in place of commands.
+    /// Safe state, applied in place of commands.
     pub safe_state: SafeState,
-    /// Policy for commands beyond a limit.
+    /// Policy for commands that exceed a limit.
     pub limits: LimitPolicy,
     /// Recovery from the safe state.
     pub resume: ResumeRule,
@@ -56,35 +57,37 @@ pub struct GateRules {
 /// Limits and states for the safety of the robot.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SafetyPlan {
-    /// A command older than this is never applied.
+    /// Maximum age of a command since its publication, ns. Older commands are never applied.
     pub stale_after_ns: u64,
-    /// A command computed from a measurement older than this is never applied.
+    /// Maximum age of the measurement from which a command was computed, ns. Commands from older measurements
+    /// are never applied.
     pub source_stale_after_ns: u64,
-    /// The rules of the gates of all actuators.
+    /// Rules of the gates of all actuators.
     #[serde(flatten)]
     pub gate: GateRules,
-    /// Time that actuators stay in the safe state before they are stopped, at every end of a run, ns.
+    /// Time for which actuators stay in the safe state before they are stopped, at every end of a run, ns.
     pub settle_ns: u64,
-    /// Maximum age of the newest value of the emergency-stop topic, ns; 0 for any age.
+    /// Maximum age of the newest value of the emergency-stop topic, ns; 0 disables the limit.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub emergency_stop_max_age_ns: u64,
-    /// If true, the failure of one robot's commands puts the other robots of its actuator into their safe
-    /// state, too.
+    /// If true, invalid commands of one robot put the other robots of its actuator into their safe state,
+    /// too.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub stop_together: bool,
 }
 
-/// The safety of one actuator.
+/// Safety rules of one actuator.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ActuatorSafety {
-    /// A command older than this is never applied, ns.
+    /// Maximum age of a command since its publication, ns. Older commands are never applied.
     pub stale_after_ns: u64,
-    /// A command computed from a measurement older than this is never applied, ns.
+    /// Maximum age of the measurement from which a command was computed, ns. Commands from older measurements
+    /// are never applied.
     pub source_stale_after_ns: u64,
-    /// The rules of its gates.
+    /// Rules of the actuator's gates.
     #[serde(flatten)]
     pub gate: GateRules,
-    /// Time that it stays in the safe state when it has to end without the launcher, ns.
+    /// Time for which the actuator stays in the safe state if it must end without the launcher, ns.
     pub settle_ns: u64,
 }
 
@@ -103,7 +106,7 @@ impl SafetyPlan {
         }
     }
 
-    /// Returns the defaults of a graph, for plans that tests build by hand.
+    /// Returns the defaults of a graph, for plans that tests build.
     #[cfg(test)]
     pub(crate) fn for_tests() -> Self {
         Self {

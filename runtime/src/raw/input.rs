@@ -9,7 +9,8 @@ use crate::transport::latest::StateReader;
 use crate::transport::stream::StreamReader;
 use crate::transport::{Connect, InputPlace, Participant, PortError, refused};
 
-/// An input port that reads the newest value of a topic of any type in place, as bytes in the topic's layout.
+/// An input port that reads the newest value of a topic of any type, in place, as bytes in the topic's
+/// layout.
 ///
 /// For code that forwards values without knowing their type. Declare it with
 /// [`Declare::raw_input`](crate::declare::Declare::raw_input).
@@ -31,9 +32,9 @@ enum Source {
 /// A value in shared memory, unchanged since the input was read.
 #[derive(Debug, Clone, Copy)]
 pub struct RawReading<'a> {
-    /// Time and publisher of the value.
+    /// Stamp of the value: its sequence number, times and publisher.
     pub stamp: &'a Stamp,
-    /// The value, in the layout of the topic.
+    /// Bytes of the value, in the layout of the topic.
     pub bytes: &'a [u8],
 }
 
@@ -47,7 +48,9 @@ impl RawInput {
         let source = match topic.pattern {
             TopicPattern::State => Source::State(StateReader::new(participant.memory(topic)?, place.pin)),
             TopicPattern::Slices { .. } => {
-                return Err(refused(&topic.name, "opening a port for bytes")(&"it carries slices"));
+                return Err(refused(&topic.name, "opening a port for bytes")(
+                    &"the topic contains slices, expected single values",
+                ));
             }
             TopicPattern::Stream { .. } => Source::Stream(StreamReader::open(participant, place)?),
         };
@@ -55,22 +58,22 @@ impl RawInput {
         Ok(Self { topic, source, effects: place.effects(participant) })
     }
 
-    /// Returns the connection to make before the first step.
+    /// Returns the connection to establish before the first step, if the input reads a stream.
     pub(crate) fn connection(&self) -> Option<Rc<dyn Connect>> {
         if let Source::Stream(queue) = &self.source { Some(queue.connection()) } else { None }
     }
 
-    /// Returns the name of the topic, if the graph wires this input.
+    /// Returns the name of the topic, or `None` if the input is unwired.
     pub fn topic(&self) -> Option<&str> {
         self.topic.as_ref().map(|(name, _)| name.as_str())
     }
 
-    /// Returns the layout of the topic's values, if the graph wires this input.
+    /// Returns the layout of the topic's values, or `None` if the input is unwired.
     pub fn layout(&self) -> Option<&TypeLayout> {
         self.topic.as_ref().map(|(_, layout)| layout)
     }
 
-    /// Returns the newest value if it has not been read yet.
+    /// Returns the newest value, or `None` if it has already been read.
     pub fn next_unread(&mut self) -> Option<RawReading<'_>> {
         let begins = self.effects.begins_episode();
         let is_new = match &mut self.source {
@@ -101,7 +104,7 @@ impl RawInput {
         Some(reading)
     }
 
-    /// Returns the value read last, without checking for a newer one.
+    /// Returns the value that was read last, even if there is a newer one.
     pub fn current(&self) -> Option<RawReading<'_>> {
         if !self.effects.is_of_this_episode() {
             return None;

@@ -1,8 +1,8 @@
 //! Ports for types that are only known at run time.
 //!
-//! [`RawInput`] and [`RawOutput`] carry states as bytes, [`RawStreamInput`] and [`RawStreamOutput`] streams
-//! of values and of slices. Layouts are compared as for typed ports, and published content is checked by its
-//! layout.
+//! [`RawInput`] and [`RawOutput`] transfer states as bytes; [`RawStreamInput`] and [`RawStreamOutput`]
+//! transfer streams of values and of slices. Layouts are compared as for typed ports, and published content
+//! is checked by its layout.
 
 mod input;
 mod output;

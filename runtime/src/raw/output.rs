@@ -31,25 +31,25 @@ pub enum RawError {
     /// The content is invalid.
     #[error(transparent)]
     Content(#[from] ContentDefect),
-    /// The slice is longer than the output declares, or not a single value was given to a stream of single
-    /// values.
-    #[error("{found} elements, expected {}", if *longest == 1 { "1".to_string() } else { format!("at most {longest}") })]
+    /// The slice is longer than the output declares, or a stream of single values received more or fewer than
+    /// one value.
+    #[error("{found} elements to publish, expected {}", if *longest == 1 { "1".to_string() } else { format!("at most {longest}") })]
     Length {
         /// Number of elements found.
         found: usize,
         /// Maximum number of elements.
         longest: usize,
     },
-    /// Readers still use all samples of the stream.
-    #[error("the sample was not sent")]
+    /// iceoryx2 did not send the value, or readers still use all samples of the stream.
+    #[error("iceoryx2 did not send the sample, or readers still use all samples")]
     NotSent,
-    /// The step is past its deadline, and the component's `on_overrun` is `hold`.
-    #[error("the step is past its deadline")]
+    /// The step is past its deadline, and `on_overrun` of the component is `hold`.
+    #[error("the step is past its deadline and `on_overrun` is `hold`")]
     Late,
-    /// The source time is in the future.
-    #[error("its source time is {ahead_ns} ns in the future")]
+    /// The source time is more than 1 ms in the future.
+    #[error("the source time is {ahead_ns} ns in the future, expected at most 1 ms")]
     SourceInFuture {
-        /// Time ahead of the clock, ns.
+        /// Difference between the source time and the current time, ns.
         ahead_ns: u64,
     },
 }
@@ -70,7 +70,9 @@ impl RawOutput {
         let topic = place.topic;
         fits(&port.layout, topic, &port.port)?;
         if topic.pattern != TopicPattern::State {
-            return Err(refused(&topic.name, "opening a port for bytes")(&"it is a stream, not a state"));
+            return Err(refused(&topic.name, "opening a port for bytes")(
+                &"the topic is a stream, expected a state",
+            ));
         }
         let mut output = Self::unwired(port, participant.context().clone())?;
         let memory = participant.memory(topic)?;
@@ -80,7 +82,7 @@ impl RawOutput {
         Ok(output)
     }
 
-    /// Returns the name of the topic, if the graph wires this output.
+    /// Returns the name of the topic, or `None` if the output is unwired.
     pub fn topic(&self) -> Option<&str> {
         self.wired.as_ref().map(|(name, ..)| name.as_str())
     }
@@ -98,17 +100,17 @@ impl RawOutput {
         self.check.check(bytes)
     }
 
-    /// Publishes a copy of a value with a stamp of this component and wakes the components that it triggers.
+    /// Publishes a copy of a value, stamped by this component, and wakes the components that it triggers.
     ///
     /// # Errors
-    /// The value is not published if a number is not finite, a count exceeds its array, its size differs from
-    /// the type's, or the step is past its deadline.
+    /// A number is not finite, a count exceeds its array, the size differs from the size of the type, or the
+    /// step is past its deadline. Nothing is published then.
     pub fn publish(&mut self, bytes: &[u8]) -> Result<(), RawError> {
         self.finish(bytes, None)
     }
 
-    /// Like [`publish`](Self::publish), with the source time of the value, ns on the clock of stamps: see
-    /// [`Loan::publish_from`](crate::transport::Loan::publish_from).
+    /// Publishes a copy of a value like [`publish`](Self::publish), with an explicit source time, ns on the
+    /// clock of stamps. See [`Loan::publish_from`](crate::transport::Loan::publish_from).
     ///
     /// # Errors
     /// Same as [`publish`](Self::publish), or the source time is more than 1 ms in the future.

@@ -12,7 +12,7 @@ use crate::transport::{
     Connect, InputPlace, OutputPlace, Participant, PortError, TopicWriter, checked, fits, refused,
 };
 
-/// An input port that reads every value of a stream, or every slice, in order and in place, as bytes of the
+/// An input port that reads every value or every slice of a stream, in order and in place, as bytes in the
 /// topic's layout.
 ///
 /// Declare it with [`Declare::raw_stream_input`](crate::declare::Declare::raw_stream_input) or
@@ -43,9 +43,9 @@ struct Wired {
 /// A value of a stream, or a slice, in shared memory.
 #[derive(Debug, Clone, Copy)]
 pub struct RawSlice<'a> {
-    /// Time and publisher of the value.
+    /// Stamp of the value: its sequence number, times and publisher.
     pub stamp: &'a Stamp,
-    /// All elements in sequence, each in the layout of the topic.
+    /// Bytes of all elements in sequence, each in the layout of the topic.
     pub bytes: &'a [u8],
     /// Number of elements; 1 in a stream of single values.
     pub count: usize,
@@ -63,7 +63,9 @@ impl RawStreamInput {
     pub(crate) fn open(participant: &Participant, place: &InputPlace<'_>) -> Result<Self, PortError> {
         let topic = place.topic;
         if topic.pattern == TopicPattern::State {
-            return Err(refused(&topic.name, "opening a port for every value")(&"it is a state"));
+            return Err(refused(&topic.name, "opening a port for every value")(
+                &"the topic is a state, expected a stream",
+            ));
         }
         let wired = Wired {
             topic: topic.name.clone(),
@@ -75,29 +77,29 @@ impl RawStreamInput {
         Ok(Self { wired: Some(wired), effects: place.effects(participant) })
     }
 
-    /// Returns the connection to make before the first step.
+    /// Returns the connection to establish before the first step, if the input is wired.
     pub(crate) fn connection(&self) -> Option<Rc<dyn Connect>> {
         self.wired.as_ref().map(|wired| wired.queue.connection())
     }
 
-    /// Returns the name of the topic, if the graph wires this input.
+    /// Returns the name of the topic, or `None` if the input is unwired.
     pub fn topic(&self) -> Option<&str> {
         self.wired.as_ref().map(|wired| wired.topic.as_str())
     }
 
-    /// Returns the layout of a value or of one element of a slice, if the graph wires this input.
+    /// Returns the layout of a value or of one element of a slice, or `None` if the input is unwired.
     pub fn layout(&self) -> Option<&TypeLayout> {
         self.wired.as_ref().map(|wired| &wired.layout)
     }
 
-    /// Returns the pattern of the topic, including the length of the longest slice, if the graph wires this
-    /// input.
+    /// Returns the pattern of the topic, which includes the maximum length of its slices, or `None` if the
+    /// input is unwired.
     pub fn pattern(&self) -> Option<TopicPattern> {
         self.wired.as_ref().map(|wired| wired.pattern)
     }
 
-    /// Returns the next unread value, in order. It stays in place until the next call. Values with invalid
-    /// content are skipped and counted as refused.
+    /// Returns the next unread value, in order. The value remains valid until the next call. Values with
+    /// invalid content are skipped and counted as refused.
     pub fn next_unread(&mut self) -> Option<RawSlice<'_>> {
         let begins = self.effects.begins_episode();
         let Wired { check, queue, .. } = self.wired.as_mut()?;
@@ -113,20 +115,20 @@ impl RawStreamInput {
         Some(reading)
     }
 
-    /// Returns the value read last.
+    /// Returns the value that was read last.
     pub fn current(&self) -> Option<RawSlice<'_>> {
         let wired = self.wired.as_ref().filter(|_| self.effects.is_of_this_episode())?;
         let (stamp, bytes) = wired.queue.current()?;
         Some(RawSlice { stamp, bytes, count: bytes.len() / wired.layout.size.max(1) })
     }
 
-    /// Returns the number of values that were overwritten before they were read.
+    /// Returns the number of values that were overwritten before this input read them.
     pub fn lost(&self) -> u64 {
         self.wired.as_ref().map_or(0, |wired| wired.queue.lost())
     }
 }
 
-/// An output port that writes every value of a stream, or slices, of a layout given at run time.
+/// An output port that writes every value or every slice of a stream, with a layout given at run time.
 ///
 /// Declare it with [`Declare::raw_stream_output`](crate::declare::Declare::raw_stream_output) or
 /// [`Declare::raw_slice_output`](crate::declare::Declare::raw_slice_output). Values published on an unwired
@@ -143,7 +145,9 @@ pub struct RawStreamOutput {
 impl RawStreamOutput {
     pub(crate) fn unwired(port: &PortPlan, context: Rc<Context>) -> Result<Self, PortError> {
         if port.pattern == TopicPattern::State {
-            return Err(refused(&port.port, "opening a port for every value")(&"it was declared as a state"));
+            return Err(refused(&port.port, "opening a port for every value")(
+                &"the port was declared as a state, expected a stream",
+            ));
         }
         let (layout, check) = (port.layout.clone(), check_of(&port.layout, &port.port)?);
         Ok(Self { layout, check, pattern: port.pattern, wired: None, context })
@@ -165,12 +169,12 @@ impl RawStreamOutput {
         Ok(output)
     }
 
-    /// Returns the connection to make before the first step.
+    /// Returns the connection to establish before the first step, if the output is wired.
     pub(crate) fn connection(&self) -> Option<Rc<dyn Connect>> {
         self.wired.as_ref().map(|(_, stream, _)| stream.connection())
     }
 
-    /// Returns the name of the topic, if the graph wires this output.
+    /// Returns the name of the topic, or `None` if the output is unwired.
     pub fn topic(&self) -> Option<&str> {
         self.wired.as_ref().map(|(name, ..)| name.as_str())
     }
@@ -180,7 +184,7 @@ impl RawStreamOutput {
         &self.layout
     }
 
-    /// Returns the maximum number of elements of a slice; 1 for a stream of single values.
+    /// Returns the maximum number of elements per slice; 1 for a stream of single values.
     pub fn longest(&self) -> usize {
         if let TopicPattern::Slices { longest, .. } = self.pattern { longest } else { 1 }
     }
@@ -188,7 +192,7 @@ impl RawStreamOutput {
     /// Checks the content of a value, or of all elements of a slice, without publishing it.
     ///
     /// # Errors
-    /// Returns the first defect, or an error if the number of elements does not fit the port.
+    /// Returns the first defect in the content, or an error if the number of elements does not fit the port.
     pub fn check(&self, bytes: &[u8]) -> Result<(), RawError> {
         let found = bytes.len() / self.layout.size.max(1);
         let fits = match self.pattern {
@@ -201,19 +205,19 @@ impl RawStreamOutput {
         Ok(self.check.check_all(bytes)?)
     }
 
-    /// Publishes a copy of a value or of all elements of a slice, with a stamp of this component, and wakes
-    /// the components that it triggers.
+    /// Publishes a copy of a value or of all elements of a slice, stamped by this component, and wakes the
+    /// components that it triggers.
     ///
     /// # Errors
-    /// The value is not published if its content is invalid, that is, if a number is not finite or a count
-    /// exceeds its array. It is not published either if it is longer than declared or not a whole number of
-    /// elements, if the step is past its deadline, or if readers still use all samples.
+    /// Nothing is published if a number is not finite, a count exceeds its array, or the slice is longer than
+    /// declared or ends within an element. The same applies if the step is past its deadline or readers still
+    /// use all samples.
     pub fn publish(&mut self, bytes: &[u8]) -> Result<(), RawError> {
         self.finish(bytes, None)
     }
 
-    /// Like [`publish`](Self::publish), with the source time of the value, ns on the clock of stamps: see
-    /// [`Loan::publish_from`](crate::transport::Loan::publish_from).
+    /// Publishes a value or slice like [`publish`](Self::publish), with an explicit source time, ns on the
+    /// clock of stamps. See [`Loan::publish_from`](crate::transport::Loan::publish_from).
     ///
     /// # Errors
     /// Same as [`publish`](Self::publish), or the source time is more than 1 ms in the future.

@@ -42,7 +42,7 @@ fn raw_slices_are_read_as_typed_ones_in_place() {
     }
     assert_eq!(input.lost(), 0);
     let long = output.publish(&bytes_of(&[0.0; 9])).unwrap_err();
-    assert_eq!(long.to_string(), "9 elements, expected at most 8");
+    assert_eq!(long.to_string(), "9 elements to publish, expected at most 8");
     assert!(matches!(output.publish(&bytes_of(&[f32::NAN])), Err(RawError::Content(_))));
     assert!(matches!(output.publish(&[0; 7]), Err(RawError::Content(_))));
     assert!(input.next_unread().is_none(), "no part of it is published");

@@ -1,4 +1,4 @@
-//! Blocks of a control block for components, topics, edges and latency budgets.
+//! Blocks of the control block: one per component, topic, edge and latency budget.
 
 use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
 use std::sync::atomic::{AtomicU8, AtomicU32, AtomicU64};
@@ -14,87 +14,90 @@ use crate::telemetry::Histogram;
 /// The cause of a missed step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum MissCause {
-    /// The component was ready to run, but another thread of this system occupied its core.
+    /// The component was ready to run, but another thread of the operating system occupied its core.
     LateWake,
-    /// The step itself took too long.
+    /// The step itself lasted too long.
     LongStep,
-    /// The component did not run although its core was free: the host of a virtual machine had it, or the
-    /// hardware woke late.
+    /// The component did not run although its core was free: the host of a virtual machine used the core, or
+    /// idle hardware woke late.
     Stolen,
-    /// The command of an actuator was stale.
+    /// An actuator found its command stale.
     LateInput,
 }
 
-/// Missed steps by cause.
+/// Number of missed steps by cause.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct Misses {
-    /// Steps that ended late because other threads occupied the core for too long.
+    /// Steps that ended late because other threads occupied the core.
     pub late_wake: u64,
-    /// Steps that ran past their deadline because of their own duration.
+    /// Steps that ended late because of their own duration.
     pub long_step: u64,
-    /// Steps that ended late because the host of the virtual machine, or idle hardware, delayed them.
+    /// Steps that ended late because the host of the virtual machine or idle hardware delayed them.
     pub stolen: u64,
-    /// Steps of an actuator that found the command stale and applied the safe state.
+    /// Steps in which an actuator found its command stale and applied the safe state.
     pub late_input: u64,
-    /// Releases dropped by the overrun policy.
+    /// Releases that the overrun policy dropped.
     pub skipped: u64,
-    /// Steps longer than the budget, late or not.
+    /// Steps that lasted longer than the budget, late or not.
     pub over_budget: u64,
 }
 
 impl Misses {
-    /// Returns the number of missed steps of all causes.
+    /// Returns the number of missed steps: late steps and steps with a stale command.
     pub fn missed(&self) -> u64 {
         [self.long_step, self.stolen, self.late_input].into_iter().fold(self.late_wake, u64::saturating_add)
     }
 }
 
-/// Machine stalls measured by a component while it was spinning before its releases and only read the clock.
+/// Stalls of the machine, measured while a component was spinning before its releases and did nothing but
+/// read the clock.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct Stalls {
     /// Time spent spinning, ns.
     pub watched_ns: u64,
     /// Number of stalls longer than 10 us.
     pub count: u64,
-    /// Sum of the stalls, ns.
+    /// Total duration of the stalls, ns.
     pub total_ns: u64,
-    /// The longest stall, ns.
+    /// Duration of the longest stall, ns.
     pub longest_ns: u64,
 }
 
-/// State and counters of one component. Written by its worker, unless a field names another writer.
+/// State and counters of one component. Written by the component's worker, unless a field names another
+/// writer.
 #[derive(Debug)]
 #[repr(C, align(64))]
 pub struct ComponentBlock {
     phase: AtomicU32,
-    /// Process id. Written by the launcher.
+    /// Process id of the component. Written by the launcher.
     pub pid: AtomicU32,
     /// Thread id of the stepping thread.
     pub thread: AtomicU32,
-    /// Word held by a thread of its process while the process lives.
+    /// Futex word held by a thread of the component's process for as long as the process lives.
     pub(crate) held: AtomicU32,
-    /// Restarts. Written by the launcher.
+    /// Number of restarts of the component. Written by the launcher.
     pub restarts: AtomicU32,
-    /// Lockstep: number of calls to a tick, which is the word that the component sleeps on. Written by the
-    /// giver of the turn.
+    /// Lockstep: number of times that the component was called to a tick. The component sleeps on this word.
+    /// Written by the party that passes the turn.
     tick_calls: AtomicU32,
-    /// Lockstep: simulated time of the tick, ns. Written by the giver of the turn.
+    /// Lockstep: simulated time of the tick, ns. Written by the party that passes the turn.
     pub tick_time_ns: AtomicU64,
     /// Lockstep: 1 if the tick is a reset for the episode in the header, 0 if it is a step. Written by the
-    /// giver of the turn.
+    /// party that passes the turn.
     pub tick_resets: AtomicU32,
-    /// 1 if the program that launched the run replaces the component, which then gets no ticks. Written by
+    /// 1 if the program that launched the run stands in for the component, which then never steps. Written by
     /// the launcher.
     pub played: AtomicU32,
-    /// Steps done before the current episode of simulated time.
+    /// Number of steps completed before the current episode of simulated time.
     pub episode_first: AtomicU64,
-    /// Index of the episode entered last.
+    /// Index of the episode that the component entered last.
     pub(crate) episode: AtomicU64,
-    /// Lockstep: publications of its trigger at its last tick. Written by the giver of the turn.
+    /// Lockstep: number of publications on the trigger topic that the component had seen at its last tick.
+    /// Written by the party that passes the turn.
     pub trigger_seen: AtomicU64,
-    /// Steps begun, across restarts: one more than `steps` during a step.
+    /// Number of steps begun, across restarts; one more than `steps` during a step.
     pub begun: AtomicU64,
-    /// Steps done, across restarts.
+    /// Number of steps completed, across restarts.
     pub steps: AtomicU64,
     /// Start of the first step, on the run's clock, ns.
     pub first_step_ns: AtomicU64,
@@ -104,68 +107,69 @@ pub struct ComponentBlock {
     long_step: AtomicU64,
     stolen: AtomicU64,
     late_input: AtomicU64,
-    /// Releases dropped.
+    /// Number of releases that were dropped.
     pub skipped: AtomicU64,
-    /// Releases by a descriptor that waited for `min_interval`.
+    /// Number of releases by a descriptor that were delayed by `min_interval`.
     pub deferred: AtomicU64,
-    /// Steps longer than the budget.
+    /// Number of steps that lasted longer than the budget.
     pub over_budget: AtomicU64,
-    /// Steps that returned an error and were tolerated.
+    /// Number of steps that returned an error and were tolerated.
     pub errors: AtomicU64,
-    /// Samples withheld because they were late, or refused because of their content.
+    /// Number of samples withheld because they were late, or refused because of their content.
     pub refused: AtomicU64,
-    /// Heap allocations in steps, after the warm-up.
+    /// Number of heap allocations in steps, after the warm-up.
     pub allocations: AtomicU64,
-    /// Heap allocations in steps by documented foreign code, after the warm-up.
+    /// Number of heap allocations that documented third-party code made in steps, after the warm-up.
     pub allocations_apart: AtomicU64,
-    /// 1 if the program counts allocations.
+    /// 1 if the program of the component counts allocations.
     pub counts_allocations: AtomicU32,
     /// 1 while an actuator applies the safe state.
     pub safe: AtomicU32,
-    /// Last entry into the safe state, on `CLOCK_MONOTONIC`, ns.
+    /// Time at which the actuator last entered its safe state, `CLOCK_MONOTONIC` ns.
     pub safe_since_ns: AtomicU64,
-    /// Page faults of the stepping thread, after the warm-up.
+    /// Number of page faults of the stepping thread, after the warm-up.
     pub page_faults: AtomicU64,
     stall_watched_ns: AtomicU64,
     stall_count: AtomicU64,
     stall_total_ns: AtomicU64,
     stall_longest_ns: AtomicU64,
-    /// Current spin time before a release, ns.
+    /// Current time of spinning before each release, ns.
     pub spin_ns: AtomicU64,
-    /// 1 if it runs under `SCHED_DEADLINE`, read back.
+    /// 1 if the stepping thread runs under `SCHED_DEADLINE`, as read back from the kernel.
     pub deadline: AtomicU32,
-    /// `SCHED_FIFO` priority, read back; 0 for none.
+    /// `SCHED_FIFO` priority of the stepping thread, as read back from the kernel; 0 for other classes.
     pub fifo_priority: AtomicU32,
-    /// Cores, read back, as a mask of the first 32.
+    /// Mask of the cores on which the stepping thread may run, as read back from the kernel; the first 32
+    /// cores.
     pub cores: AtomicU32,
-    /// 1 if memory is locked, read back.
+    /// 1 if the memory of the process is locked, as read back from the kernel.
     pub memory_locked: AtomicU32,
-    /// Number of bytes of the text of its failure.
+    /// Length of the text of the component's failure, bytes.
     failure_length: AtomicU32,
-    /// Tick at which it failed.
+    /// Index of the step at which the component failed.
     failure_tick: AtomicU64,
-    /// Its encoded end; the first word is 0 before a failure.
+    /// Encoded end of the component; the first word is 0 before a failure.
     end: [AtomicU64; END_WORDS],
     failure: [AtomicU8; 2048],
-    /// Release lateness, ns.
+    /// Lateness of releases, ns.
     pub lateness: Histogram,
-    /// Execution time of steps, wall-clock ns.
+    /// Execution times of steps, ns of wall-clock time.
     pub execution: Histogram,
-    /// CPU time of each step, ns, including waiting and waking but not spinning.
+    /// CPU times of steps, ns, including waiting and waking but not spinning.
     pub cpu: Histogram,
-    /// Statistics of an actuator's command gate.
+    /// Statistics of the actuator's command gate.
     pub gate: GateBlock,
-    /// Numbers from which a restarted component may resume.
+    /// Saved numbers from which the component may resume after a restart.
     pub(crate) checkpoint: CheckpointBlock,
 }
 
 impl ComponentBlock {
-    /// Returns the phase.
+    /// Returns the phase of the component's life.
     pub fn phase(&self) -> Phase {
         Phase::from_word(self.phase.load(Acquire))
     }
 
-    /// Enters a phase and wakes the waiting processes.
+    /// Enters a phase and wakes the processes that wait for it.
     pub fn enter(&self, phase: Phase) {
         self.phase.store(phase as u32, Release);
         crate::os::futex_wake(&self.phase);
@@ -176,20 +180,20 @@ impl ComponentBlock {
         &self.phase
     }
 
-    /// Returns the number of calls to a tick so far, to wait for the next one.
+    /// Returns the number of times that the component was called to a tick, to wait for the next call.
     #[inline]
     pub(crate) fn tick_calls(&self) -> u32 {
         self.tick_calls.load(Acquire)
     }
 
-    /// Calls the component to its tick.
+    /// Wakes the component for its tick.
     #[inline]
     pub(crate) fn call(&self) {
         self.tick_calls.fetch_add(1, Release);
         crate::os::futex_wake(&self.tick_calls);
     }
 
-    /// Sleeps until the next call to a tick or a timeout.
+    /// Sleeps until the number of calls differs from `calls`, or until the timeout.
     pub(crate) fn await_call(&self, calls: u32, timeout: Duration) {
         crate::os::futex_wait(&self.tick_calls, calls, Some(timeout));
     }
@@ -205,7 +209,7 @@ impl ComponentBlock {
         add(cell, 1);
     }
 
-    /// Returns the missed steps so far.
+    /// Returns the number of missed steps so far, by cause.
     pub fn misses(&self) -> Misses {
         Misses {
             late_wake: self.late_wake.load(Relaxed),
@@ -217,12 +221,12 @@ impl ComponentBlock {
         }
     }
 
-    /// Adds time spent spinning.
+    /// Adds `ns` of time spent spinning.
     pub(crate) fn watched(&self, ns: u64) {
         add(&self.stall_watched_ns, ns);
     }
 
-    /// Counts a stall while spinning.
+    /// Counts a stall of `ns` that occurred while spinning.
     pub(crate) fn stalled(&self, ns: u64) {
         add(&self.stall_count, 1);
         add(&self.stall_total_ns, ns);
@@ -231,7 +235,7 @@ impl ComponentBlock {
         }
     }
 
-    /// Returns the stalls so far.
+    /// Returns the stalls measured so far.
     pub fn stalls(&self) -> Stalls {
         Stalls {
             watched_ns: self.stall_watched_ns.load(Relaxed),
@@ -241,7 +245,7 @@ impl ComponentBlock {
         }
     }
 
-    /// Saves a failure of the component for the launcher, with its text cut to the capacity.
+    /// Saves a failure of the component for the launcher. The text is truncated to the capacity.
     pub fn set_failure(&self, failure: &Failure) {
         let text = &failure.text;
         let mut length = text.len().min(self.failure.len());
@@ -259,7 +263,7 @@ impl ComponentBlock {
         head.store(word, Release);
     }
 
-    /// Returns the saved failure of the component, if there is one.
+    /// Returns the saved failure of the component, or `None` if it has not failed.
     pub fn failure(&self) -> Option<Failure> {
         let head = self.end[0].load(Acquire);
         let words = core::array::from_fn(|at| if at == 0 { head } else { self.end[at].load(Relaxed) });
@@ -270,7 +274,7 @@ impl ComponentBlock {
         Some(Failure { tick: self.failure_tick.load(Relaxed), end, text })
     }
 
-    /// Resets the values of the current episode.
+    /// Resets the values that count from the start of the episode.
     pub(crate) fn begin_episode(&self) {
         self.episode_first.store(self.steps.load(Relaxed), Relaxed);
         self.trigger_seen.store(0, Relaxed);
@@ -279,28 +283,28 @@ impl ComponentBlock {
         self.checkpoint.forget();
     }
 
-    /// Clears the failure before a restart.
+    /// Deletes the saved failure before a restart.
     pub fn forget_failure(&self) {
         self.end[0].store(0, Release);
     }
 }
 
-/// Counters of one topic. Written by its publisher.
+/// Counters of one topic. Written by the topic's publisher.
 #[derive(Debug)]
 #[repr(C, align(64))]
 pub struct TopicBlock {
-    /// Samples published in the current episode, across restarts of the publisher.
+    /// Number of samples published in the current episode, across restarts of the publisher.
     pub published: AtomicU64,
     /// Time of the last publication, on the run's clock, ns.
     pub last_publish_ns: AtomicU64,
-    /// Lockstep: digest of all published values.
+    /// Lockstep: digest of all values published on the topic.
     pub digest: AtomicU64,
-    /// Samples that readers of a stream lost.
+    /// Number of samples that readers of the stream lost.
     pub dropped: AtomicU64,
 }
 
 impl TopicBlock {
-    /// Resets the values of the current episode.
+    /// Resets the values that count from the start of the episode.
     pub(crate) fn begin_episode(&self) {
         for counter in [&self.published, &self.last_publish_ns, &self.digest] {
             counter.store(0, Release);
@@ -312,7 +316,7 @@ impl TopicBlock {
 #[derive(Debug)]
 #[repr(C, align(64))]
 pub struct EdgeBlock {
-    /// Age of each sample since its publication, at the start of the step that first read it, ns.
+    /// Ages of samples since their publication, at the start of the step that first read them, ns.
     pub age: Histogram,
 }
 
@@ -320,8 +324,8 @@ pub struct EdgeBlock {
 #[derive(Debug)]
 #[repr(C, align(64))]
 pub struct LatencyBlock {
-    /// Latencies, ns.
+    /// Measured latencies, ns.
     pub latency: Histogram,
-    /// Latencies above the budget.
+    /// Number of latencies above the budget.
     pub missed: AtomicU64,
 }

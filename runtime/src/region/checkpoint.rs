@@ -16,7 +16,7 @@ pub(crate) type CheckpointBlock = Checkpoints<Native, WORDS>;
 #[derive(Debug)]
 #[repr(C)]
 pub(crate) struct Checkpoints<A: Atomics, const N: usize> {
-    /// Number of checkpoints saved so far; the newest complete one is in copy `saved % 2`.
+    /// Number of checkpoints saved so far. The newest complete one is in copy `saved % 2`.
     saved: A::U64,
     copies: [[A::U64; N]; 2],
 }
@@ -46,8 +46,8 @@ impl<A: Atomics, const N: usize> Checkpoints<A, N> {
         self.saved.store(0, A::ordering(Site::Save, Release));
     }
 
-    /// Reads the newest complete checkpoint into `words`, at most `N`; returns `false` if there is none. Only
-    /// the component itself reads it, after a restart.
+    /// Reads the newest complete checkpoint into `words`, at most `N` words. Returns `false` if none has been
+    /// saved. Only the component itself reads it, after a restart.
     pub(crate) fn load(&self, words: &mut [u64]) -> bool {
         let saved = self.saved.load(A::ordering(Site::Load, Acquire));
         if saved == 0 || words.len() > N {

@@ -1,6 +1,6 @@
-//! The end of a component: a typed cause in the control block, and its text.
+//! The end of a component: a typed cause in the control block, with a text.
 //!
-//! Every decision about an end matches on [`End`]. The text of an error or a panic is only for display.
+//! All decisions about an end match on [`End`]. The text of an error or a panic is only displayed.
 
 use core::fmt;
 use std::panic::Location;
@@ -11,45 +11,45 @@ use crate::units::TimeSpan;
 /// Number of words of an encoded end.
 pub(super) const END_WORDS: usize = 3;
 
-/// The end of a component, or the failure of one of its steps.
+/// Cause of the end of a component, or of the failure of one of its steps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum End {
-    /// Its process exited with this code. Threads and hosted components that stopped count as 0.
+    /// The process exited with this code. Threads and hosted components that stopped have code 0.
     Exited(i32),
-    /// The signal with this number killed its process.
+    /// A signal with this number killed the process.
     Killed(i32),
-    /// The launcher killed its process.
+    /// The launcher killed the process.
     KilledByLauncher,
     /// The component reported an error.
     Failed,
     /// The component panicked.
     Panicked(PanicOrigin),
-    /// The component started no step, or did not end one, within `hang_after`.
+    /// The component did not start a due step, or did not complete a step, within `hang_after`.
     Hung(Hang),
-    /// The component did not step in time after a restart.
+    /// The component did not complete a step in time after a restart.
     NotStepping {
-        /// The allowed time, ns.
+        /// Time limit after the restart, ns.
         within_ns: u64,
     },
 }
 
-/// The code that panicked.
+/// The code in which a panic occurred.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PanicOrigin {
     /// The component, or a library that it uses.
     Component,
-    /// iceoryx2, which checks the shared memory of topics.
+    /// iceoryx2, when it checks the shared memory of topics.
     SharedMemory,
 }
 
 /// A hang found by the watchdog.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Hang {
-    /// `true` within a step, `false` between two steps.
+    /// `true` if the component hangs within a step, `false` if between two steps.
     pub in_step: bool,
     /// Time since the step began or was due, ns.
     pub for_ns: u64,
-    /// The allowed time, ns.
+    /// Time limit (`hang_after`), ns.
     pub hang_after_ns: u64,
     /// State of the stepping thread.
     pub activity: Activity,
@@ -72,7 +72,7 @@ pub enum Activity {
 }
 
 impl Activity {
-    /// Converts the kernel's letter for the state of a thread.
+    /// Converts the letter by which the kernel reports the state of a thread.
     pub fn from_kernel(state: Option<char>) -> Self {
         match state {
             Some('T' | 't') => Self::Stopped,
@@ -91,7 +91,7 @@ impl Activity {
     }
 }
 
-/// Kinds of encoded ends; 0 means no end.
+/// Numbers that identify encoded ends; 0 means that there was no end.
 mod kind {
     pub(super) const EXITED: u32 = 1;
     pub(super) const KILLED: u32 = 2;
@@ -120,7 +120,8 @@ impl End {
         [u64::from(kind) | u64::from(detail) << 32, first, second]
     }
 
-    /// Decodes the words of a control block; `None` before an end. An unknown kind reads as a failure.
+    /// Decodes the words of a control block. Returns `None` before an end; an unknown number reads as
+    /// [`End::Failed`].
     pub(super) fn from_words([head, first, second]: [u64; END_WORDS]) -> Option<Self> {
         let detail = (head >> 32) as u32;
         Some(match head as u32 {
@@ -141,7 +142,7 @@ impl End {
         })
     }
 
-    /// Returns `true` for the ends of components that find damaged shared memory.
+    /// Returns `true` for ends that are typical of components that encounter damaged shared memory.
     pub fn suggests_damage(self) -> bool {
         match self {
             Self::Killed(signal) => [libc::SIGSEGV, libc::SIGBUS, libc::SIGABRT].contains(&signal),
@@ -190,51 +191,51 @@ fn signal_name(signal: i32) -> &'static str {
         libc::SIGABRT => " (SIGABRT)",
         libc::SIGBUS => " (SIGBUS)",
         libc::SIGTERM => " (SIGTERM)",
-        libc::SIGXCPU => " (SIGXCPU): it computed for longer than its `cpu_limit` without waiting",
+        libc::SIGXCPU => " (SIGXCPU): it computed for longer than its `cpu_limit` without sleeping",
         _ => "",
     }
 }
 
 impl fmt::Display for Hang {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let what = if self.in_step { "its step has not ended after" } else { "no step for" };
+        let what = if self.in_step { "step still running after" } else { "no step for" };
         let lasted = TimeSpan { ns: self.for_ns / 1_000_000 * 1_000_000 };
         let hang_after = TimeSpan { ns: self.hang_after_ns };
         let doing = match self.activity {
-            Activity::Stopped => ": it was stopped by a signal or a debugger",
-            Activity::Computing => ": it computes, or waits for its core",
-            Activity::Waiting => ": it waits for something",
-            Activity::InDevice => ": it waits for a device",
+            Activity::Stopped => ": its thread was stopped by a signal or a debugger",
+            Activity::Computing => ": its thread is computing or waiting for its core",
+            Activity::Waiting => ": its thread is sleeping",
+            Activity::InDevice => ": its thread is waiting for a device",
             Activity::Unknown => "",
         };
         write!(f, "hung: {what} {lasted} (`hang_after` is {hang_after}){doing}")
     }
 }
 
-/// The failure of a component at a step.
+/// A failure of a component, with the step at which it occurred.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Failure {
-    /// Index of the current step, or of the step that would have been next.
+    /// Index of the step in which the component failed, or of its next step if it failed between two steps.
     pub tick: u64,
-    /// The kind of the failure.
+    /// Cause of the failure.
     pub end: End,
-    /// Text of the error or panic; empty if the kind is sufficient.
+    /// Text of the error or panic; empty for causes that need no text.
     pub text: String,
 }
 
 impl Failure {
-    /// Creates an error with its text.
+    /// Creates the failure of a component that reported an error with this text.
     pub fn error(tick: u64, text: String) -> Self {
         Self { tick, end: End::Failed, text }
     }
 
-    /// Creates an end that needs no text.
+    /// Creates a failure that needs no text.
     pub fn without_text(tick: u64, end: End) -> Self {
         Self { tick, end, text: String::new() }
     }
 }
 
-/// Formats the text, or the kind if there is no text.
+/// Formats the text, or the cause if there is no text.
 impl fmt::Display for Failure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if self.text.is_empty() { self.end.fmt(f) } else { f.write_str(&self.text) }
@@ -325,7 +326,7 @@ mod tests {
             (End::KilledByLauncher, "killed by the launcher"),
             (
                 End::Hung(HANG),
-                "hung: its step has not ended after 200 ms (`hang_after` is 200 ms): it waits for a device",
+                "hung: step still running after 200 ms (`hang_after` is 200 ms): its thread is waiting for a device",
             ),
             (
                 End::Hung(Hang { in_step: false, activity: Activity::Unknown, ..HANG }),

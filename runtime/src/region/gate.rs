@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use super::add;
 use crate::state::MAX_JOINTS;
 
-/// Number of bytes kept of a joint's name.
+/// Maximum length of a stored joint name, bytes.
 const NAME: usize = 48;
 
 /// The state of an actuator's command gate.
@@ -17,60 +17,61 @@ const NAME: usize = 48;
 #[serde(rename_all = "snake_case")]
 #[repr(u32)]
 pub enum GateState {
-    /// The safe state is applied.
+    /// The gate applies the safe state.
     #[default]
     Safe = 0,
-    /// Fresh commands are followed from the held pose, at limited rates, until the setpoint is reached.
+    /// The gate moves from the held pose to fresh commands at limited rates, until it reaches their
+    /// setpoints.
     Resuming = 1,
-    /// Commands are applied, within the limits.
+    /// The gate applies the commands, within the limits.
     Following = 2,
 }
 
-/// The reason for which a gate stays in its safe state until `motorium resume`.
+/// Reason why a gate stays in its safe state until `motorium resume`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 #[repr(u32)]
 pub enum Latch {
-    /// `motorium stop --now`.
+    /// The command `motorium stop --now`.
     Stop = 1,
     /// A message on the emergency-stop topic.
     EmergencyStop = 2,
-    /// The safe state was entered, and `resume = "latch"`.
+    /// The gate entered the safe state, and the graph sets `resume = "latch"`.
     SafeState = 4,
 }
 
 impl Latch {
-    /// Decodes a word of flags to the most severe one.
+    /// Decodes a word of flags to the most severe latch; `None` if no flag is set.
     pub fn from_word(word: u32) -> Option<Self> {
         [Self::EmergencyStop, Self::Stop, Self::SafeState].into_iter().find(|latch| word & *latch as u32 != 0)
     }
 }
 
-/// The limit of a joint that a command exceeded.
+/// Limit of a joint that a command exceeded.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 #[repr(u32)]
 pub enum LimitKind {
     /// The position setpoint is outside the joint's range.
     Position = 0,
-    /// The position setpoint moves faster than the joint may.
+    /// The position setpoint changes faster than the velocity limit of the joint.
     PositionRate = 1,
-    /// The velocity setpoint is beyond the velocity limit.
+    /// The velocity setpoint exceeds the velocity limit.
     Velocity = 2,
     /// The velocity setpoint changes faster than the acceleration limit allows.
     Acceleration = 3,
-    /// The feed-forward effort is beyond the effort limit.
+    /// The feed-forward effort exceeds the effort limit.
     Effort = 4,
-    /// The position gain is larger than the drive can make use of.
+    /// The position gain exceeds the largest useful gain of the drive.
     Kp = 5,
-    /// The velocity gain is larger than the drive can make use of.
+    /// The velocity gain exceeds the largest useful gain of the drive.
     Kd = 6,
-    /// The feed-forward effort changes faster than the drive allows.
+    /// The feed-forward effort changes faster than the effort rate limit allows.
     EffortRate = 7,
 }
 
 impl LimitKind {
-    /// All of them.
+    /// All limits, in the order of their numbers.
     pub const ALL: [Self; 8] = [
         Self::Position,
         Self::PositionRate,
@@ -83,29 +84,29 @@ impl LimitKind {
     ];
 }
 
-/// Reason why a command was not applied at all.
+/// Reason why a gate did not apply a command at all.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 #[repr(u32)]
 pub enum Refusal {
-    /// A number is not finite, or the count exceeds the capacity of the buffer.
+    /// A number is not finite, or the count of joints exceeds the capacity of the buffer.
     Content = 0,
-    /// The number of joints differs.
+    /// The number of joints differs from the gate's number of joints.
     Count = 1,
     /// A gain is negative.
     NegativeGain = 2,
-    /// A limit was exceeded, and `limits = "refuse"`.
+    /// A limit was exceeded, and the graph sets `limits = "refuse"`.
     Limits = 3,
-    /// The stamp is in the future.
+    /// The stamp is more than 1 ms in the future.
     Future = 4,
-    /// The command is older than the previous one.
+    /// The command is older than the previous command.
     Sequence = 5,
-    /// The source measurement is too old.
+    /// The measurement from which the command was computed is older than `source_stale_after`.
     StaleSource = 6,
 }
 
 impl Refusal {
-    /// All of them.
+    /// All reasons, in the order of their numbers.
     pub const ALL: [Self; 7] = [
         Self::Content,
         Self::Count,
@@ -117,7 +118,7 @@ impl Refusal {
     ];
 }
 
-/// Statistics of the command gate of one actuator. Written by its worker.
+/// Statistics of the command gate of one actuator. Written by the actuator's worker.
 #[derive(Debug)]
 #[repr(C)]
 pub struct GateBlock {
@@ -130,10 +131,10 @@ pub struct GateBlock {
     /// 1 once a command has been applied.
     has_followed: AtomicU32,
     entries: AtomicU64,
-    /// Start of the current state, on the clock of stamps, ns; 0 before the first step.
+    /// Start of the current state, ns on the clock of stamps; 0 before the first step.
     since_ns: AtomicU64,
-    /// Earlier time in the safe state since the first command, excluding safe states caused by
-    /// `motorium stop --now`, ns.
+    /// Total duration of completed safe states since the first command, ns. Safe states caused by `motorium
+    /// stop --now` do not count.
     safe_ns: AtomicU64,
     refused: [AtomicU64; Refusal::ALL.len()],
     limited: [[AtomicU64; LimitKind::ALL.len()]; MAX_JOINTS],
@@ -141,7 +142,7 @@ pub struct GateBlock {
 }
 
 impl GateBlock {
-    /// Opens the statistics for joints with these names.
+    /// Opens the statistics of a gate for joints with these names.
     pub fn open<'a>(&self, names: impl Iterator<Item = &'a str>) {
         let mut count = 0;
         for (cells, name) in self.names.iter().zip(names) {
@@ -152,7 +153,7 @@ impl GateBlock {
         self.joints.store(count, Release);
     }
 
-    /// Sets the state and the latch, from `now_ns` on.
+    /// Sets the state and the latch. They apply from `now_ns` on.
     pub fn set(&self, state: GateState, latch: Option<Latch>, now_ns: u64) {
         self.safe_ns.store(self.safe_ns(now_ns), Relaxed);
         self.since_ns.store(now_ns.max(1), Relaxed);
@@ -176,7 +177,7 @@ impl GateBlock {
         self.unsettled.fetch_add(1, Relaxed);
     }
 
-    /// Counts a resume that took too long.
+    /// Counts a recovery that lasted too long.
     pub fn count_late_resume(&self) {
         self.late_resumes.fetch_add(1, Relaxed);
     }
@@ -191,13 +192,14 @@ impl GateBlock {
         self.unsettled.load(Relaxed)
     }
 
-    /// Returns the number of resumes longer than [`RESUME_WITHIN`](crate::safety::RESUME_WITHIN).
+    /// Returns the number of recoveries that lasted longer than
+    /// [`RESUME_WITHIN`](crate::safety::RESUME_WITHIN).
     pub fn late_resumes(&self) -> u32 {
         self.late_resumes.load(Relaxed)
     }
 
-    /// Returns to the safe state without counting an entry, because the new episode has no applied command
-    /// yet.
+    /// Returns to the safe state for a new episode. This does not count as an entry, because no command has
+    /// been applied in the new episode yet.
     pub fn begin_episode(&self) {
         self.state.store(GateState::Safe as u32, Relaxed);
         self.since_ns.store(0, Relaxed);
@@ -208,8 +210,8 @@ impl GateBlock {
         self.has_followed.load(Relaxed) != 0
     }
 
-    /// Returns the time in the safe state from the first command until `now_ns`, ns, excluding safe states
-    /// caused by `motorium stop --now`.
+    /// Returns the time that the gate has spent in the safe state since the first command, at `now_ns`, ns.
+    /// Safe states caused by `motorium stop --now` do not count.
     pub fn safe_ns(&self, now_ns: u64) -> u64 {
         let before_ns = self.safe_ns.load(Relaxed);
         let since_ns = self.since_ns.load(Relaxed);
@@ -220,19 +222,19 @@ impl GateBlock {
         before_ns + if counts { now_ns.saturating_sub(since_ns) } else { 0 }
     }
 
-    /// Counts a limit that a command exceeded.
+    /// Counts a command that exceeded a limit of a joint.
     pub fn limit(&self, joint: usize, kind: LimitKind) {
         if let Some(joint) = self.limited.get(joint) {
             add(&joint[kind as usize], 1);
         }
     }
 
-    /// Counts a refused command.
+    /// Counts a command that was refused.
     pub fn refuse(&self, reason: Refusal) {
         add(&self.refused[reason as usize], 1);
     }
 
-    /// Returns the state.
+    /// Returns the state of the gate.
     pub fn state(&self) -> GateState {
         match self.state.load(Relaxed) {
             1 => GateState::Resuming,
@@ -241,22 +243,22 @@ impl GateBlock {
         }
     }
 
-    /// Returns the latch.
+    /// Returns the reason why the gate is latched, or `None` if it is not.
     pub fn latch(&self) -> Option<Latch> {
         Latch::from_word(self.latch.load(Relaxed))
     }
 
-    /// Returns the number of refused commands so far, in the order of [`Refusal::ALL`].
+    /// Returns the number of refused commands by reason, in the order of [`Refusal::ALL`].
     pub fn refusals(&self) -> [u64; Refusal::ALL.len()] {
         core::array::from_fn(|reason| self.refused[reason].load(Relaxed))
     }
 
-    /// Returns the number of entries into the safe state after applied commands.
+    /// Returns how often the gate entered the safe state after a command had been applied.
     pub fn entries(&self) -> u64 {
         self.entries.load(Relaxed)
     }
 
-    /// Returns the statistics so far; `None` if the component has not opened them.
+    /// Returns the statistics so far, or `None` if the component has not opened them.
     pub fn report(&self) -> Option<GateReport> {
         let joints = (self.joints.load(Acquire) as usize).min(MAX_JOINTS);
         if joints == 0 {
@@ -288,37 +290,37 @@ impl GateBlock {
     }
 }
 
-/// The account of an actuator's command gate.
+/// Statistics of an actuator's command gate, in the report.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct GateReport {
-    /// State of the gate.
+    /// State of the gate at the time of the report.
     pub state: GateState,
-    /// Reason for staying in the safe state until `motorium resume`; `null` otherwise.
+    /// Reason why the gate stays in the safe state until `motorium resume`; `null` if it is not latched.
     pub latch: Option<Latch>,
-    /// Number of entries into the safe state after applied commands.
+    /// Number of times that the gate entered the safe state after a command had been applied.
     pub entries: u64,
-    /// Limits exceeded by commands, per joint: clamped, or refused if configured.
+    /// Limits that commands exceeded, per joint. Such commands are clamped, or refused if configured.
     pub limited: Vec<Limited>,
     /// Commands that were not applied, by reason.
     pub refused: Vec<Refused>,
 }
 
-/// Commands beyond one limit of one joint.
+/// Number of commands that exceeded one limit of one joint.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Limited {
-    /// Name of the joint, its first 48 bytes.
+    /// Name of the joint, truncated to 48 bytes.
     pub joint: String,
-    /// The limit.
+    /// The limit that was exceeded.
     pub limit: LimitKind,
-    /// Number of commands.
+    /// Number of commands that exceeded the limit.
     pub count: u64,
 }
 
-/// Commands refused for one reason.
+/// Number of commands that were refused for one reason.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Refused {
     /// The reason.
     pub reason: Refusal,
-    /// Number of commands.
+    /// Number of commands refused for this reason.
     pub count: u64,
 }

@@ -8,19 +8,19 @@ use serde::{Deserialize, Serialize};
 
 use super::{Latch, TurnBlock};
 
-/// A command of the launcher to all workers.
+/// A command from the launcher to all workers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]
 pub enum Command {
-    /// Configure, open all ports, enter the phase `Ready`.
+    /// Configure the component, open all ports, and enter the phase `Ready`.
     Configure = 0,
-    /// All ports exist: connect them, enter the phase `Connected`.
+    /// Connect the ports, all of which exist by now, and enter the phase `Connected`.
     Connect = 1,
-    /// Step.
+    /// Start stepping.
     Run = 2,
-    /// Go on stepping, but actuators apply the safe state.
+    /// Continue to step; actuators apply the safe state.
     SafeStop = 3,
-    /// End the loop, stop the component, save its result.
+    /// End stepping, stop the component, and save its result.
     Stop = 4,
 }
 
@@ -31,22 +31,22 @@ pub enum Command {
 pub enum Phase {
     /// The process is starting.
     Created = 0,
-    /// Configured; all ports are open.
+    /// The component is configured, and all its ports are open.
     Ready = 1,
-    /// All ports are connected; it waits for the start.
+    /// All ports are connected; the component waits for the start.
     Connected = 2,
-    /// Stepping.
+    /// The component is stepping.
     Running = 3,
-    /// Failed.
+    /// The component has failed.
     Faulted = 4,
-    /// Ended in good order.
+    /// The component has ended in an orderly way.
     Stopped = 5,
 }
 
 macro_rules! from_word {
     ($type:ident, $fallback:ident, $($variant:ident),*) => {
         impl $type {
-            /// Decodes a word of the control block. An unknown value is read as the most cautious variant.
+            /// Decodes a word of the control block. An unknown value decodes to the most cautious variant.
             #[inline]
             pub fn from_word(word: u32) -> Self {
                 $( if word == Self::$variant as u32 { return Self::$variant; } )*
@@ -67,12 +67,12 @@ pub struct Header {
     pub(super) topics: AtomicU32,
     pub(super) latencies: AtomicU32,
     pub(super) edges: AtomicU32,
-    /// Events that the trace of each component keeps; 0 if the run is not traced.
+    /// Number of events that the trace of each component keeps; 0 if the run is not traced.
     pub(super) traced: AtomicU32,
     command: AtomicU32,
     /// Start of the run on `CLOCK_MONOTONIC`, ns.
     pub start_ns: AtomicU64,
-    /// Index of the episode, on the cache line that workers read in every step.
+    /// Index of the current episode, on the cache line that workers read in every step.
     pub episode: AtomicU64,
     /// Process id of the launcher.
     pub launcher: AtomicU32,
@@ -83,31 +83,31 @@ pub struct Header {
     latch: AtomicU32,
     /// Number of times that `resume` released the latches.
     resumes: AtomicU32,
-    /// Time at which the launcher last supervised, `CLOCK_MONOTONIC` ns; 0 before the run.
+    /// Time at which the launcher last supervised the run, `CLOCK_MONOTONIC` ns; 0 before the run.
     pub launcher_alive_ns: AtomicU64,
     /// Time at which the guard last checked the launcher, `CLOCK_MONOTONIC` ns. Written by the guard.
     pub guard_alive_ns: AtomicU64,
-    /// Time at which the safe stop was ordered, `CLOCK_MONOTONIC` ns; 0 before.
+    /// Time at which the safe stop was ordered, `CLOCK_MONOTONIC` ns; 0 before the order.
     pub safe_stop_ns: AtomicU64,
     /// Starts of the current and the previous episode, by the last bit of their indices.
     episode_starts: [StartBlock; 2],
-    /// Real time: index of the episode that the launcher has recorded last.
+    /// Real time: index of the episode that the launcher recorded last.
     episode_noted: AtomicU64,
-    /// One more than the index of the episode that a component has ended last. Written by that component.
+    /// Index of the last episode ended by a component, plus 1. Written by that component.
     episode_over: AtomicU64,
     /// 1 while simulated time is paused. Written by tools, and by the program that drives the run.
     paused: AtomicU32,
-    /// Number of rounds granted to a paused run, since its start. Written by tools.
+    /// Number of rounds granted to the paused run since its start. Written by tools.
     pub rounds_granted: AtomicU64,
-    /// Number of rounds that a paused run has done, since its start.
+    /// Number of rounds that the run has executed while paused, since its start.
     pub rounds_taken: AtomicU64,
-    /// Lockstep: simulated time reached in the episode, ns.
+    /// Lockstep: simulated time reached in the current episode, ns.
     pub reached_ns: AtomicU64,
     /// Lockstep: the right to step.
     pub turn: TurnBlock,
 }
 
-/// The start of an episode. Written before the index of the episode.
+/// Start of an episode in the control block. Written before the index of the episode.
 #[derive(Debug, Default)]
 #[repr(C)]
 struct StartBlock {
@@ -115,22 +115,23 @@ struct StartBlock {
     began_ns: AtomicU64,
 }
 
-/// The start of an episode.
+/// Start of an episode: index, seed and time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct EpisodeStart {
     /// Index of the episode, from 0.
     pub index: u64,
     /// Seed of the episode.
     pub seed: u64,
-    /// Real time: its start on `CLOCK_MONOTONIC`, ns; 0 for the first one, which starts with the run.
+    /// Real time: start of the episode, `CLOCK_MONOTONIC` ns. 0 for the first episode, which starts with the
+    /// run.
     pub began_ns: u64,
 }
 
-/// Maximum number of attempts to read the start of an episode while others begin.
+/// Maximum number of attempts to read the start of an episode while new episodes begin.
 const READ_ATTEMPTS: u32 = 8;
 
 impl Header {
-    /// Returns the current command.
+    /// Returns the launcher's current command.
     #[inline]
     pub fn command(&self) -> Command {
         Command::from_word(self.command.load(Acquire))
@@ -141,20 +142,21 @@ impl Header {
         &self.command
     }
 
-    /// Gives a command to all workers. A command is never replaced by a lower one, so a late safe stop, by a
-    /// component or the guard, does not replace a stop.
+    /// Gives a command to all workers. It has no effect if a later command of [`Command`] was already given:
+    /// a late safe stop, from a component or the guard, does not replace a stop.
     pub fn order(&self, command: Command) {
         self.command.fetch_max(command as u32, AcqRel);
         crate::os::futex_wake(&self.command);
     }
 
-    /// Ends an episode when the round is over. If that episode has already ended, this does not end its
-    /// successor, which a component in real time may not have entered yet.
+    /// Ends an episode at the end of the current round. Has no effect if that episode has already ended, even
+    /// if the next episode has begun: in real time, the calling component may not have entered the next one
+    /// yet.
     pub fn end_episode(&self, episode: u64) {
         self.episode_over.store(episode.wrapping_add(1), Relaxed);
     }
 
-    /// Returns `true` if a component has ended the episode.
+    /// Returns `true` if a component has ended the current episode.
     #[inline]
     pub fn is_episode_over(&self) -> bool {
         self.episode_over.load(Relaxed) == self.episode.load(Relaxed).wrapping_add(1)
@@ -166,7 +168,7 @@ impl Header {
         self.reached_ns.store(0, Relaxed);
     }
 
-    /// Begins an episode with this index, which workers enter at their next step.
+    /// Begins an episode. Workers enter it at their next step.
     fn start_episode(&self, start: EpisodeStart) {
         let block = &self.episode_starts[start.index as usize % 2];
         block.seed.store(start.seed, Release);
@@ -174,8 +176,8 @@ impl Header {
         self.episode.store(start.index, Release);
     }
 
-    /// Begins the next episode in real time. Only for the single driver of episodes. Returns `false` and has
-    /// no effect until the launcher has [recorded](Self::note_episode) the current one.
+    /// Begins the next episode in real time. Only the episode driver of the run may call it. Returns `false`
+    /// and has no effect if the launcher has not [recorded](Self::note_episode) the current episode yet.
     pub(crate) fn begin_next_episode(&self, seed: u64, now_ns: u64) -> bool {
         let index = self.episode.load(Relaxed);
         let is_noted = self.episode_noted.load(Acquire) == index;
@@ -185,13 +187,13 @@ impl Header {
         is_noted
     }
 
-    /// Allows the next episode to begin, after the launcher has recorded this one.
+    /// Records the current episode, after which the next one may begin. Called by the launcher.
     pub(crate) fn note_episode(&self, index: u64) {
         self.episode_noted.store(index, Release);
     }
 
-    /// Returns the start of the current episode; `None` if episodes begin faster than they can be read, which
-    /// only happens in a damaged control block.
+    /// Returns the start of the current episode. Returns `None` if new episodes begin faster than their start
+    /// can be read, which only happens in a damaged control block.
     pub fn episode_start(&self) -> Option<EpisodeStart> {
         for _ in 0..READ_ATTEMPTS {
             let index = self.episode.load(Acquire);
@@ -204,7 +206,7 @@ impl Header {
         None
     }
 
-    /// Pauses or continues simulated time.
+    /// Pauses simulated time if `paused` is true, otherwise continues it.
     pub fn pause(&self, paused: bool) {
         self.paused.store(u32::from(paused), Release);
     }
@@ -221,7 +223,7 @@ impl Header {
         }
     }
 
-    /// Returns the latch of the run, or the most severe one if there are several.
+    /// Returns the latch of the run, the most severe one if there are several, or `None`.
     #[inline]
     pub fn latched(&self) -> Option<Latch> {
         match self.latch.load(Acquire) {
@@ -230,13 +232,13 @@ impl Header {
         }
     }
 
-    /// Releases all latches.
+    /// Releases all latches of the run.
     pub fn release(&self) {
         self.latch.store(0, Release);
         self.resumes.fetch_add(1, AcqRel);
     }
 
-    /// Returns the number of releases so far.
+    /// Returns the number of releases of the latches so far.
     #[inline]
     pub fn resumes(&self) -> u32 {
         self.resumes.load(Acquire)

@@ -22,17 +22,17 @@ pub enum RegionError {
     /// A file operation failed.
     #[error("{path}: {source}")]
     Io {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// The error of the system.
+        /// Error of the operating system.
         source: std::io::Error,
     },
     /// The file is not a control block of this version of motorium, or is truncated.
-    #[error("{path}: {found}; expected the shared memory of a run made by this version of motorium")]
+    #[error("{path}: {found}; expected the control block of a run created by this version of motorium")]
     NotARegion {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// Description of the found content.
+        /// Description of the content found.
         found: String,
     },
 }
@@ -102,8 +102,8 @@ pub struct Region {
     counts: Counts,
 }
 
-/// Returns a digest of the layout of all parts of a control block, which is equal in programs that can share
-/// one.
+/// Returns a digest of the layouts of all parts of a control block. Programs with equal digests can share a
+/// control block.
 pub fn layout_digest() -> String {
     let mut digest = crate::state::Digest::default();
     digest.write_u64(MAGIC);
@@ -130,20 +130,21 @@ pub fn layout_digest() -> String {
 }
 
 impl Region {
-    /// Returns the size of the control block of a plan, bytes.
+    /// Returns the size of the control block for a plan, bytes.
     pub fn bytes(plan: &Plan) -> usize {
         Counts::from_plan(plan).bytes()
     }
 
-    /// Returns `true` if it has the blocks of this plan; a damaged control block may not.
+    /// Returns `true` if the control block has as many blocks of each type as the plan requires. This may be
+    /// `false` for a damaged control block.
     pub fn fits(&self, plan: &Plan) -> bool {
         self.counts == Counts::from_plan(plan)
     }
 
-    /// Creates the control block of a run.
+    /// Creates the control block for a run of a plan.
     ///
     /// # Errors
-    /// The file cannot be created: no space, no permission, or it exists.
+    /// The file cannot be created, because it exists or because of missing space or permission.
     pub fn create(path: &Path, plan: &Plan) -> Result<Self, RegionError> {
         let counts = Counts::from_plan(plan);
         let io = |source| RegionError::Io { path: path.to_path_buf(), source };
@@ -169,7 +170,7 @@ impl Region {
     /// Opens the control block of a run.
     ///
     /// # Errors
-    /// The file cannot be opened, or is not a control block of this version.
+    /// The file cannot be opened, or is not a control block of this version of motorium.
     pub fn open(path: &Path) -> Result<Self, RegionError> {
         let io = |source| RegionError::Io { path: path.to_path_buf(), source };
         let wrong = |found: String| RegionError::NotARegion { path: path.to_path_buf(), found };
@@ -183,7 +184,7 @@ impl Region {
         let header = region.header();
         let magic = header.magic.load(Acquire);
         if magic != MAGIC {
-            return Err(wrong(format!("version mark {magic:016x}")));
+            return Err(wrong(format!("the version mark is {magic:016x}")));
         }
         let load = |count: &std::sync::atomic::AtomicU32| count.load(Relaxed) as usize;
         let counts = Counts {
@@ -194,17 +195,20 @@ impl Region {
             traced: load(&header.traced),
         };
         if counts.traced > MOST_EVENTS || (counts.traced > 0 && !counts.traced.is_power_of_two()) {
-            return Err(wrong(format!("a trace of {} events", counts.traced)));
+            return Err(wrong(format!(
+                "the trace has {} events, expected a power of two up to {MOST_EVENTS}",
+                counts.traced
+            )));
         }
         let expected = counts.bytes();
         if size < expected {
-            return Err(wrong(format!("{size} bytes where its counts need {expected}")));
+            return Err(wrong(format!("the file has {size} bytes, but its blocks need {expected}")));
         }
         region.counts = counts;
         Ok(region)
     }
 
-    /// Returns the header.
+    /// Returns the header of the control block.
     #[inline]
     pub fn header(&self) -> &Header {
         // SAFETY: the mapping is page-aligned and at least a header long (checked on creation and opening); a
@@ -212,7 +216,7 @@ impl Region {
         unsafe { &*self.memory.as_ptr().cast::<Header>() }
     }
 
-    /// Returns the event log.
+    /// Returns the event log of the run.
     pub fn events(&self) -> &EventLog {
         &self.blocks(size_of::<Header>(), 1)[0]
     }
@@ -240,7 +244,7 @@ impl Region {
         self.blocks(self.counts.edges_at(), self.counts.edges)
     }
 
-    /// Returns the ring of a component's trace, if the run is traced.
+    /// Returns the ring of a component's trace, or `None` if the run is not traced.
     #[inline]
     pub(super) fn trace(&self, component: usize) -> Option<TraceRing<'_>> {
         if self.counts.traced == 0 || component >= self.counts.components {

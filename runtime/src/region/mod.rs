@@ -1,8 +1,8 @@
-//! The control block of a run in shared memory: its lifecycle, the ticks of lockstep, and its measurements.
+//! The control block of a run in shared memory: its lifecycle, its lockstep ticks, and its measurements.
 //!
-//! It is a file in the run's folder, mapped by the launcher, every worker, the guard and the tools. It
-//! consists of atomics, for which zero bytes are valid. Each part has one writer, named in its docs, except
-//! for the event log, which has several.
+//! The control block is a file in the run's folder, mapped by the launcher, every worker, the guard and the
+//! tools. It consists of atomics for which zero bytes are valid. Each part has one writer, named in its
+//! documentation, except for the event log, which has several.
 
 mod blocks;
 mod checkpoint;

@@ -36,14 +36,14 @@ pub(super) struct TraceRing<'a> {
     pub(super) slots: &'a [TraceSlot],
 }
 
-/// An event in the trace of a component. A step follows all publications and reads in it.
+/// An event in the trace of a component. The event of a step follows the publications and reads in that step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TraceEvent {
     /// A step has ended.
     Step {
         /// Index of the step, from 0, across restarts and episodes.
         number: u64,
-        /// Release time, ns on the clock of stamps: simulated time in lockstep.
+        /// Release time, ns on the clock of stamps (simulated time in lockstep).
         release_ns: u64,
         /// Start of the step, `CLOCK_MONOTONIC` ns.
         begin_ns: u64,
@@ -54,9 +54,9 @@ pub enum TraceEvent {
     Published {
         /// Index of the topic in the plan.
         topic: usize,
-        /// Number of the sample.
+        /// Sequence number of the sample.
         sequence: u64,
-        /// Publish time in its stamp, ns.
+        /// Publish time in the stamp of the sample, ns.
         publish_ns: u64,
         /// Time of the publication, `CLOCK_MONOTONIC` ns.
         at_ns: u64,
@@ -65,9 +65,9 @@ pub enum TraceEvent {
     Read {
         /// Index of the edge in [`Plan::edges`](crate::plan::Plan::edges).
         edge: usize,
-        /// Number of the sample.
+        /// Sequence number of the sample.
         sequence: u64,
-        /// Publish time in its stamp, ns.
+        /// Publish time in the stamp of the sample, ns.
         publish_ns: u64,
     },
 }
@@ -92,7 +92,7 @@ impl TraceEvent {
         }
     }
 
-    /// Decodes an event. Returns `None` if the words are not an event, because the ring is damaged.
+    /// Decodes an event. Returns `None` if the words are not a valid event, because the ring is damaged.
     pub(super) fn decode([first, a, b, c]: [u64; WORDS]) -> Option<Self> {
         let number = first & ((1 << KIND_AT) - 1);
         let index = number as usize;
@@ -106,7 +106,7 @@ impl TraceEvent {
 }
 
 impl TraceRing<'_> {
-    /// Writes the event with this number, counted from 0, over the oldest one.
+    /// Writes an event over the oldest one. Events are numbered from 0.
     #[inline(always)]
     pub(super) fn write(self, number: u64, event: TraceEvent) {
         // Readers that see any of the following words also see the number of the previous event.
@@ -116,7 +116,7 @@ impl TraceRing<'_> {
         self.head.written.store(number + 1, Release);
     }
 
-    /// Reads the event with a number below `written`; `None` if it was overwritten.
+    /// Reads the event with a number below `written`. Returns `None` if it was overwritten.
     pub(super) fn read(self, number: u64) -> Option<[u64; WORDS]> {
         let slot = &self.slots[number as usize & (self.slots.len() - 1)];
         let words = core::array::from_fn(|word| slot.0[word].load(Relaxed));

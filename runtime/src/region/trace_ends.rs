@@ -16,7 +16,8 @@ pub(crate) struct TraceWriter {
 }
 
 impl TraceWriter {
-    /// Opens the writer of a component, continuing after its predecessor; `None` without a trace.
+    /// Opens the trace writer of a component, which continues after the previous writer. Returns `None` if
+    /// the run is not traced.
     pub(crate) fn open(region: &Rc<Region>, component: usize) -> Option<Self> {
         let ring = region.trace(component)?;
         // A write that changes nothing maps the pages before the first step.
@@ -60,12 +61,13 @@ pub struct TraceReader {
 }
 
 impl TraceReader {
-    /// Creates a reader for the component with this index in the plan, from its first event on.
+    /// Creates a reader for the component with index `component` in the plan. It starts with the oldest event
+    /// in the trace.
     pub fn new(component: usize) -> Self {
         Self { component, read: 0, lost: 0 }
     }
 
-    /// Returns the events since the last call, oldest first; empty without a trace.
+    /// Returns the events since the last call, oldest first. Empty if the run is not traced.
     pub fn read(&mut self, region: &Region) -> Vec<TraceEvent> {
         let Some(ring) = region.trace(self.component) else { return Vec::new() };
         let written = ring.head.written.load(Acquire);
@@ -82,7 +84,7 @@ impl TraceReader {
         events
     }
 
-    /// Returns the number of events overwritten before this reader read them.
+    /// Returns the number of events that were overwritten before this reader read them.
     pub fn lost(&self) -> u64 {
         self.lost
     }

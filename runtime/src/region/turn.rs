@@ -1,9 +1,9 @@
-//! The turn of lockstep, which is the right to step, held by one component or the launcher at a time.
+//! The turn of lockstep: the right to step, held by one component or by the launcher at a time.
 //!
-//! The launcher passes the turn to the first component of a round. After its step, each holder passes it to
-//! the next due component in this round or the next, without waking the launcher. A holder that may not
-//! continue returns it to the launcher. If a process dies with the turn, the launcher detects this and takes
-//! the turn back.
+//! The launcher passes the turn to the first component of a round. After its step, each holder passes the
+//! turn to the next due component, in this round or the next, without waking the launcher. A holder that may
+//! not continue returns the turn to the launcher. If a process dies while it holds the turn, the launcher
+//! detects this and takes the turn back.
 
 use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
 use std::sync::atomic::{AtomicU32, AtomicU64};
@@ -11,22 +11,24 @@ use std::time::Duration;
 
 use crate::os::{futex_wait, futex_wake};
 
-/// The turn of a run. Written by its holder, or by the launcher in place of a dead holder.
+/// The current turn of a run. Written by the holder of the turn, or by the launcher in place of a dead
+/// holder.
 #[derive(Debug, Default)]
 #[repr(C)]
 pub struct TurnBlock {
-    /// Number of the turn in the upper half, then the giver and the holder, 16 bits each: 0 is the launcher,
-    /// else one more than the index of a component.
+    /// Number of the turn in the upper half, then the giver and the holder, 16 bits each: 0 for the launcher,
+    /// otherwise the index of a component plus 1.
     word: AtomicU64,
-    /// Rounds before this time may start without the launcher, ns.
+    /// Simulated time before which rounds may start without the launcher, ns.
     until_ns: AtomicU64,
     /// Number of further rounds that may start without the launcher.
     rounds_left: AtomicU64,
-    /// Number of calls of the launcher, which is the word it sleeps on.
+    /// Number of times that the launcher was called. The launcher sleeps on this word.
     called: AtomicU32,
 }
 
-/// A turn: its number, giver and holder. `None` is the launcher, otherwise the index of a component.
+/// A turn: its number, giver and holder. Giver and holder are the index of a component, or `None` for the
+/// launcher.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Turn {
     number: u32,
@@ -53,7 +55,8 @@ impl TurnBlock {
         Turn::from_word(self.word.load(Acquire))
     }
 
-    /// Passes the turn to a party that still has to be called. Only for the holder.
+    /// Passes the turn to `holder`, which the caller must wake separately. Only the current holder may call
+    /// it.
     #[inline]
     pub(crate) fn pass(&self, giver: Option<usize>, holder: Option<usize>) {
         let number = self.now().number.wrapping_add(1);
@@ -67,7 +70,7 @@ impl TurnBlock {
         futex_wake(&self.called);
     }
 
-    /// Sleeps until the launcher is called or a timeout, unless the launcher has the turn.
+    /// Sleeps until the launcher is called or the timeout, unless the launcher has the turn.
     pub(crate) fn await_call(&self, timeout: Duration) {
         let called = self.called.load(Acquire);
         if self.now().holder.is_some() {
@@ -75,25 +78,25 @@ impl TurnBlock {
         }
     }
 
-    /// Allows rounds to start without the launcher: before a time, ns, and up to a number.
+    /// Allows up to `rounds` rounds before simulated time `until_ns` to start without the launcher.
     pub(crate) fn allow_rounds(&self, until_ns: u64, rounds: u64) {
         self.until_ns.store(until_ns, Relaxed);
         self.rounds_left.store(rounds, Relaxed);
     }
 
-    /// Returns `true` if the round at a time may start without the launcher.
+    /// Returns `true` if the round at simulated time `round_ns` may start without the launcher.
     #[inline]
     pub(crate) fn may_begin(&self, round_ns: u64) -> bool {
         round_ns < self.until_ns.load(Relaxed) && self.rounds_left.load(Relaxed) > 0
     }
 
-    /// Records a round started without the launcher.
+    /// Counts a round that starts without the launcher.
     #[inline]
     pub(crate) fn begin_round(&self) {
         self.rounds_left.store(self.rounds_left.load(Relaxed).saturating_sub(1), Relaxed);
     }
 
-    /// Returns the number of further rounds that may start.
+    /// Returns the number of further rounds that may start without the launcher.
     pub(crate) fn rounds_left(&self) -> u64 {
         self.rounds_left.load(Relaxed)
     }

@@ -5,39 +5,39 @@ use std::path::{Path, PathBuf};
 use crate::domain::DomainError;
 use crate::region::RegionError;
 
-/// Error of a run's folder.
+/// Error of accessing the folder of a run.
 #[derive(Debug, thiserror::Error)]
 pub enum RunFolderError {
     /// A file operation failed.
     #[error("{path}: {source}")]
     Io {
-        /// The file or folder.
+        /// Path of the file or folder.
         path: PathBuf,
-        /// The error of the system.
+        /// Error of the operating system.
         source: std::io::Error,
     },
     /// Other users could access the folder.
-    #[error("{path} is {found}: the runs of a user must be private to them; {advice}", path = .path.display())]
+    #[error("{path} is {found}, expected a folder that only this user can access; {advice}", path = .path.display())]
     NotPrivate {
-        /// The folder.
+        /// Path of the folder.
         path: PathBuf,
-        /// State found.
+        /// The state that was found.
         found: String,
-        /// Advice, in one sentence.
+        /// Advice in one sentence.
         advice: String,
     },
-    /// This version cannot read the plan.
+    /// The plan was written by another version of motorium, or is damaged.
     #[error("{path} is not a plan of this version of motorium: {reason}")]
     Plan {
-        /// The plan's file.
+        /// Path of the plan.
         path: PathBuf,
-        /// The reason.
+        /// Reason why the plan cannot be read.
         reason: String,
     },
-    /// The control block is unusable.
+    /// The control block cannot be created or mapped.
     #[error(transparent)]
     Region(#[from] RegionError),
-    /// The domain is unusable.
+    /// The iceoryx2 domain cannot be created or joined.
     #[error(transparent)]
     Domain(#[from] DomainError),
 }

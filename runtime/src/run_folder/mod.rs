@@ -22,11 +22,11 @@ use error::io;
 /// Age below which a folder without a lock holder may still be under construction.
 const YOUNG: Duration = Duration::from_secs(5);
 
-/// The folder of one run: `$XDG_RUNTIME_DIR/motorium/RUN` if the system sets that variable, else
-/// `/dev/shm/motorium-UID/RUN`. It is in memory, private to the user, and removed when the run ends.
+/// The folder of one run: `$XDG_RUNTIME_DIR/motorium/RUN` if that variable is set, otherwise
+/// `/dev/shm/motorium-UID/RUN`. It is stored in memory, private to the user, and removed when the run ends.
 ///
-/// The launcher and its guard hold a [lock](Lock) on it, which the system releases when they end. The lock
-/// shows in any process namespace whether a run is alive.
+/// The launcher and its guard hold a [lock](Lock) on the folder, which the system releases when they end. The
+/// lock shows in any process namespace whether the run is alive.
 #[derive(Debug, Clone)]
 pub struct RunFolder {
     path: PathBuf,
@@ -48,8 +48,7 @@ fn unguessable() -> std::io::Result<String> {
 }
 
 impl RunFolder {
-    /// Creates the folder of a new run of a plan, containing the plan and an empty control block, and locks
-    /// it.
+    /// Creates the folder of a new run, with its plan and an empty control block, and locks the folder.
     ///
     /// # Errors
     /// Shared memory is full or inaccessible, or the folder of this user's runs is not private.
@@ -106,13 +105,13 @@ impl RunFolder {
         Ok((self.path.join("lock"), self.domain()?.lock_file()))
     }
 
-    /// Opens the folder of an existing run.
+    /// Creates a value for the folder of an existing run, without accessing it.
     pub fn open(path: &Path) -> Self {
         let id = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
         Self { path: path.to_path_buf(), id, locks: None }
     }
 
-    /// Returns the folder for new runs, and checks it if it exists.
+    /// Returns the folder that contains new runs. If it exists, checks that it is private.
     ///
     /// # Errors
     /// The folder is not private to this user.
@@ -126,7 +125,7 @@ impl RunFolder {
         }
     }
 
-    /// Finds the run of this user with this id.
+    /// Finds a run of this user by its id.
     pub fn find(id: &str) -> Option<Self> {
         Self::list().into_iter().find(|run| run.id == id)
     }
@@ -199,7 +198,7 @@ impl RunFolder {
         (is_old || self.path.join("region").exists()) && !self.is_alive()
     }
 
-    /// Saves a component's result for the launcher.
+    /// Saves the result of a component, which the launcher adds to the report.
     ///
     /// # Errors
     /// The file cannot be written.
@@ -208,7 +207,7 @@ impl RunFolder {
         write_private(&file, result.to_string().as_bytes()).map_err(io(&file))
     }
 
-    /// Returns the saved result of a component.
+    /// Returns the saved result of a component, or `None` if it saved none.
     pub fn result(&self, component: &str) -> Option<serde_json::Value> {
         serde_json::from_slice(&fs::read(self.result_file(component)).ok()?).ok()
     }
@@ -217,8 +216,8 @@ impl RunFolder {
         self.path.join(format!("result-{component}.json"))
     }
 
-    /// Removes the run from shared memory: the domain's objects, the control block, the folder. Returns the
-    /// removed objects of the domain. Only for runs without processes.
+    /// Removes the objects of the domain, the control block and the folder from shared memory. Returns the
+    /// removed objects of the domain. Only call it for runs without processes.
     pub fn remove(&self) -> Vec<PathBuf> {
         let removed = self.domain().map(|domain| domain.remove()).unwrap_or_default();
         let _ = fs::remove_dir_all(&self.path);

@@ -1,12 +1,13 @@
-//! Statistics of the gates in the control block of their actuator.
+//! Counters of limited and refused commands, in the control block of the actuator.
 
 use core::cell::Cell;
 
 use crate::region::{ComponentBlock, LimitKind, Refusal, add};
 
-/// Statistics of limited and refused commands.
+/// Counts the commands that a gate limits or refuses.
 pub trait Account {
-    /// Counts a command that exceeded a limit of a joint.
+    /// Counts a command that exceeded a limit of a joint. `joint` is the index of the joint among the gate's
+    /// joints.
     fn limited(&self, joint: usize, kind: LimitKind);
     /// Counts a refused command.
     fn refused(&self, reason: Refusal);
@@ -23,7 +24,7 @@ impl Account for ComponentBlock {
     }
 }
 
-/// The part of an actuator's statistics that one gate writes.
+/// Counters of one gate among the gates of an actuator.
 pub(super) struct GroupAccount<'a> {
     block: &'a ComponentBlock,
     first: usize,
@@ -32,13 +33,14 @@ pub(super) struct GroupAccount<'a> {
 }
 
 impl<'a> GroupAccount<'a> {
-    /// Creates the statistics of a gate whose first joint has this index among the actuator's joints.
+    /// Creates the counters of a gate. `first` is the index of the gate's first joint among the actuator's
+    /// joints.
     pub(super) fn new(block: &'a ComponentBlock, first: usize) -> Self {
         Self { block, first, has_refused: Cell::new(false) }
     }
 }
 
-/// Discards the statistics of a command that is only evaluated.
+/// Counts nothing, for commands that are only evaluated.
 pub(super) struct NoAccount;
 
 impl Account for NoAccount {

@@ -26,18 +26,18 @@ pub(super) struct StopInput {
     silence: Silence,
 }
 
-/// Monitors the age of the newest value.
+/// Age limit for the newest value of the topic.
 #[derive(Debug, Clone, Copy)]
 struct Silence {
-    /// Maximum age of the newest value, ns; 0 for any age.
+    /// Maximum age of the newest value, ns; 0 disables the limit.
     max_age_ns: u64,
-    /// Time of the first step, from which the age of a missing first value counts, ns; 0 before.
+    /// Time of the first step, ns; 0 before. The age of a missing first value counts from this time.
     since_ns: u64,
 }
 
 impl StopInput {
-    /// Opens the input that every actuator has because of `[safety] emergency_stop`. Returns `None` if the
-    /// graph names no topic.
+    /// Opens the emergency-stop topic named by `[safety] emergency_stop`, as an input of the actuator.
+    /// Returns `None` if the graph names no such topic.
     pub(super) fn open(setup: &mut Setup) -> Result<Option<Self>, ConfigureError> {
         if !setup.has_input(EMERGENCY_STOP_PORT) {
             return Ok(None);

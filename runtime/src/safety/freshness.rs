@@ -3,10 +3,10 @@
 use crate::region::Refusal;
 use crate::state::{FUTURE_TOLERANCE_NS, Stamp};
 
-/// Change of the difference between the clocks that indicates a suspend, ns.
+/// Minimum growth of the difference between the clocks that indicates a suspend, ns.
 const SUSPENDED_NS: u64 = 1_000_000;
 
-/// The current time on the clock of stamps, with suspends included.
+/// The clock of message stamps, corrected for the time that the machine was suspended.
 ///
 /// Stamps use `CLOCK_MONOTONIC`, which stops while the machine is suspended, so a command from before a
 /// suspend would look fresh after it. Therefore the current time is read from `CLOCK_BOOTTIME`, minus the
@@ -23,18 +23,20 @@ pub struct SuspendClock {
 }
 
 impl SuspendClock {
-    /// Creates a clock at these readings of the two clocks.
+    /// Creates a clock from simultaneous readings of `CLOCK_MONOTONIC` and `CLOCK_BOOTTIME`.
     pub fn new(monotonic_ns: u64, boottime_ns: u64) -> Self {
         Self { ahead_ns: boottime_ns.saturating_sub(monotonic_ns), resumed_ns: 0 }
     }
 
-    /// Returns the current time on the clock of stamps plus suspends since the last comparison, ns.
+    /// Returns the current time on the clock of stamps, plus the duration of suspends since the last
+    /// [`compare`](Self::compare), ns.
     #[inline]
     pub fn now_ns(&self, boottime_ns: u64) -> u64 {
         boottime_ns.saturating_sub(self.ahead_ns)
     }
 
-    /// Compares the clocks again. Returns `true` if the machine was suspended since the last comparison.
+    /// Measures the difference between the clocks again. Returns `true` if the machine was suspended since
+    /// the last comparison.
     pub fn compare(&mut self, monotonic_ns: u64, boottime_ns: u64) -> bool {
         let ahead_ns = boottime_ns.saturating_sub(monotonic_ns);
         let suspended = ahead_ns > self.ahead_ns + SUSPENDED_NS;
@@ -54,7 +56,7 @@ impl SuspendClock {
 /// Result of checking a stamp.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Age {
-    /// Not older than the limits.
+    /// Recent enough to apply.
     Fresh,
     /// Published too long ago.
     Stale,
@@ -62,7 +64,7 @@ pub enum Age {
     Refused(Refusal),
 }
 
-/// Checks stamps for age, future times and order.
+/// Checks the stamps of commands for age, for times in the future, and for order.
 #[derive(Debug, Clone, Copy)]
 pub struct Freshness {
     /// A command published longer ago than this is stale, ns.
@@ -73,7 +75,7 @@ pub struct Freshness {
 }
 
 impl Freshness {
-    /// Creates a check that has seen no command.
+    /// Creates a check that has not seen any command yet.
     pub fn new(stale_after_ns: u64, source_stale_after_ns: u64) -> Self {
         Self { stale_after_ns, source_stale_after_ns, last: None }
     }

@@ -13,11 +13,11 @@ use crate::plan::{GateRules, LimitPolicy, ResumeRule, SafeState};
 use crate::region::{GateState, Refusal};
 use crate::state::Field as _;
 
-/// Minimum time for which the positions of a command are extrapolated with its velocities if the next one is
-/// late, s. Without extrapolation a late command would brake the robot harder than any safe state.
+/// Minimum time for which the positions of a late command are extrapolated with its velocities, s. Without
+/// extrapolation a late command would brake the robot harder than any safe state.
 const GOES_ON_FOR: f64 = 0.02;
 
-/// Fraction of the velocity limits for a command plus a fading difference.
+/// Fraction of the velocity limits available to a command plus its fading difference.
 const FADING_SHARE: f64 = 0.95;
 
 /// The command gate of one actuator, a state machine over its joints.
@@ -51,7 +51,7 @@ pub struct Gate {
     latched: bool,
     /// Time since the newest command arrived, s.
     held_for: f64,
-    /// Time for which its positions are extrapolated with its velocities, s.
+    /// Time for which the positions of the newest command are extrapolated with its velocities, s.
     goes_on_for: f64,
     setpoints: Vec<JointSetpoint>,
     /// Setpoints of the step that is being computed.
@@ -64,7 +64,7 @@ pub struct Gate {
 }
 
 impl Gate {
-    /// Creates a gate for these joints, in the order of the commands.
+    /// Creates a gate for `joints`, in the order of the joints in each command.
     pub fn new(mut joints: Vec<JointLimits>, rules: GateRules) -> Self {
         let count = joints.len();
         joints.iter_mut().for_each(|joint| joint.velocity = joint.velocity.max(SLOWEST_LIMIT));
@@ -86,7 +86,7 @@ impl Gate {
         }
     }
 
-    /// Resets to the initial state: safe, not latched, without setpoints.
+    /// Resets to the initial state: safe, not latched, all setpoints zero.
     pub fn reset(&mut self) {
         (self.state, self.in_safe, self.latched) = (GateState::Safe, false, false);
         self.setpoints.fill(JointSetpoint::default());
@@ -111,7 +111,7 @@ impl Gate {
         (self.envelope.bounds(), &self.setpoints)
     }
 
-    /// Returns the state.
+    /// Returns the state of the gate: safe, resuming or following.
     pub fn state(&self) -> GateState {
         self.state
     }
@@ -131,7 +131,8 @@ impl Gate {
         self.latched = false;
     }
 
-    /// Offers the newest fresh command, `dt` s after the previous step.
+    /// Offers the newest fresh command to the gate, `dt` s after the previous step. `account` counts exceeded
+    /// limits and refusals.
     pub fn offer(
         &mut self,
         offer: Offer<'_>,
@@ -151,8 +152,7 @@ impl Gate {
         verdict
     }
 
-    /// Starts extrapolating the command's positions with its velocities, for the time until the next one is
-    /// due.
+    /// Starts to extrapolate the positions of the command with its velocities, until the next command is due.
     #[inline]
     fn take_time(&mut self, offer: &Offer<'_>) {
         (self.held_for, self.goes_on_for) = (0.0, GOES_ON_FOR.max(2.0 * offer.ahead));
@@ -220,12 +220,14 @@ impl Gate {
         Verdict::Safe { state, entered }
     }
 
-    /// Returns `true` while a joint moves that the safe state should bring to rest.
+    /// Returns `true` in a safe state that should bring all joints to rest, while at least one joint still
+    /// moves.
     pub fn is_moving_in_safe_state(&self) -> bool {
         self.state == GateState::Safe && self.rest.moves()
     }
 
-    /// Returns `false` if a joint still moves although its safe state should have brought it to rest.
+    /// Returns `false` if a joint still moves [`REST_WITHIN`](super::REST_WITHIN) after the gate entered a
+    /// safe state that should have brought it to rest.
     pub fn is_safe_state_reached(&self) -> bool {
         self.state != GateState::Safe || self.rest.is_reached()
     }
@@ -354,13 +356,13 @@ impl Gate {
         Verdict::Applied
     }
 
-    /// Returns `true` if it has been resuming for longer than [`RESUME_WITHIN`](super::RESUME_WITHIN).
+    /// Returns `true` if the gate has been resuming for longer than [`RESUME_WITHIN`](super::RESUME_WITHIN).
     pub fn is_resuming_late(&self) -> bool {
         self.state == GateState::Resuming && self.resume.is_late()
     }
 
-    /// Leaves the safe state for the command in `next`: immediately if it is near, else by an approach at
-    /// limited rates.
+    /// Leaves the safe state for the command in `next`. A near command is followed immediately; a distant one
+    /// is approached at limited rates.
     fn leave_safe(&mut self, measured: Measured<'_>, dt: f64) -> Verdict {
         self.in_safe = false;
         let joints = self.setpoints.iter().enumerate().map(|(i, setpoint)| {

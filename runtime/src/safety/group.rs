@@ -25,7 +25,8 @@ pub(super) struct Group {
 struct Member {
     /// Index of its first joint among all joints of the actuator.
     first: usize,
-    /// True if the newest command of its input is fresh, matches its joints, and was not refused.
+    /// True if the newest command of the gate's input is fresh, matches the gate's joints, and was not
+    /// refused.
     good: Cell<bool>,
     state: Cell<GateState>,
     latch: Cell<Option<Latch>>,
@@ -88,7 +89,7 @@ impl Group {
         self.stops_together() && self.go_on_ns.get().is_none_or(|go_on_ns| now_ns < go_on_ns)
     }
 
-    /// Combines the states and latches of all gates to the safest one, for the statistics.
+    /// Returns the safest state of all gates and the first latch, for the control block.
     pub(super) fn show(
         &self,
         place: usize,

@@ -30,24 +30,24 @@ pub(super) const SLOWEST_LIMIT: f64 = 1e-3;
 /// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct JointLimits {
-    /// Name of the joint, for the report.
+    /// Joint name, used in the report.
     pub name: String,
-    /// Lowest position, rad or m.
+    /// Minimum position, rad or m.
     pub lower: f64,
-    /// Highest position, rad or m.
+    /// Maximum position, rad or m.
     pub upper: f64,
-    /// Largest velocity, rad/s or m/s; smaller values than 0.001 count as 0.001.
+    /// Maximum velocity, rad/s or m/s; values below 0.001 are raised to 0.001.
     pub velocity: f64,
-    /// Largest acceleration, rad/s^2 or m/s^2.
+    /// Maximum acceleration, rad/s^2 or m/s^2.
     pub acceleration: f64,
-    /// Largest effort, N m or N.
+    /// Maximum effort, N m or N.
     pub effort: f64,
-    /// Largest rate of change of the feed-forward effort, N m/s or N/s.
+    /// Maximum rate of change of the feed-forward effort, N m/s or N/s.
     pub effort_rate: f64,
-    /// Largest position gain, N m/rad or N/m.
+    /// Maximum position gain, N m/rad or N/m.
     pub max_kp: f64,
-    /// Largest velocity gain, N m s/rad or N s/m. A drive that computes its effort once per `dt` from the
-    /// initial velocity is stable up to `2 inertia / dt`. Set that value if the inertia is known.
+    /// Maximum velocity gain, N m s/rad or N s/m. A drive that updates its effort once per `dt` is stable up
+    /// to a gain of `2 inertia / dt`; use that value if the inertia is known.
     pub max_kd: f64,
     /// Position gain of the safe states, N m/rad or N/m. `hold` keeps a larger gain of the last command, up
     /// to 16 times this one.
@@ -57,7 +57,7 @@ pub struct JointLimits {
     pub kd: f64,
 }
 
-/// Limits of one joint as consecutive numbers in memory, with which each of its commands is compared.
+/// Limits of one joint as consecutive numbers in memory, compared with each of its commands.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[repr(C, align(16))]
 pub(super) struct Bounds {
@@ -77,8 +77,8 @@ pub(super) struct Bounds {
 
 /// Time in which a joint without an acceleration limit in its model reaches its velocity limit, s.
 pub(super) const FULL_SPEED: f64 = 0.2;
-/// Fraction of the velocity limit allowed at the very end of the range, without which a joint could never
-/// leave it.
+/// Fraction of the velocity limit allowed at the end of the range. With zero, a joint could never leave the
+/// end.
 const CREEP: f64 = 0.05;
 
 impl Bounds {
@@ -124,7 +124,7 @@ impl Bounds {
     }
 }
 
-/// The values of the previous setpoint that rates are computed from.
+/// The values of the previous setpoint from which rates of change are computed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Before {
     pub(super) position: f64,
@@ -133,7 +133,7 @@ pub(super) struct Before {
 }
 
 impl JointLimits {
-    /// Creates a joint without limits and gains.
+    /// Creates limits that allow everything, with zero gains.
     pub fn new(name: &str) -> Self {
         Self {
             name: name.to_string(),
@@ -150,14 +150,14 @@ impl JointLimits {
         }
     }
 
-    /// Returns the acceleration limit, or without one, the acceleration to the velocity limit in 0.2 s.
+    /// Returns the acceleration limit. Without a limit, returns the acceleration that reaches the velocity
+    /// limit in 0.2 s.
     pub(super) fn usual_acceleration(&self) -> f64 {
         if self.acceleration.is_finite() { self.acceleration } else { self.velocity / FULL_SPEED }
     }
 
-    /// Sets the effort limit, N m or N, and derives the largest useful gains from it. These apply the full
-    /// effort at a position error of 10 mrad (or mm) and at a velocity error of a thousandth of the velocity
-    /// limit.
+    /// Sets the effort limit, N m or N, and derives the maximum gains from it. They apply the full effort at
+    /// a position error of 10 mrad (or 10 mm) and at a velocity error of a thousandth of the velocity limit.
     #[must_use]
     pub fn with_effort(mut self, effort: f64) -> Self {
         self.effort = effort;

@@ -9,8 +9,9 @@ pub struct Measured<'a> {
     pub position: &'a [f64],
     /// Velocities of the joints, rad/s or m/s.
     pub velocity: &'a [f64],
-    /// Writes the effort of each joint against gravity, N m or N. Only called if the gate needs it: in the
-    /// safe states `hold` and `brake`, on entry to the others, and while resuming.
+    /// Callback that writes the effort which holds each joint against gravity, N m or N. Only called when the
+    /// gate needs it: in the safe states `hold` and `brake`, on entry to the other safe states, and while
+    /// resuming.
     pub gravity: &'a mut dyn FnMut(&mut [f64]),
 }
 
@@ -29,13 +30,13 @@ impl core::fmt::Debug for Measured<'_> {
 pub enum Verdict {
     /// The newest command is applied, within the limits.
     Applied,
-    /// The newest command is approached from the held pose, at limited rates.
+    /// The robot moves from the held pose to the newest command at limited rates.
     Resuming,
     /// The safe state is applied.
     Safe {
         /// The safe state of the graph.
         state: SafeState,
-        /// True in its first step.
+        /// True in the first step of the safe state.
         entered: bool,
     },
 }
@@ -45,8 +46,9 @@ pub enum Verdict {
 pub struct Offer<'a> {
     /// The command.
     pub command: &'a JointCommand,
-    /// True if it was not offered in the previous step.
+    /// True if the command has not been offered in an earlier step.
     pub is_new: bool,
-    /// Time between its setpoints and the previous command's, s, over which rates are computed.
+    /// Time between the previous command's setpoints and the setpoints of this command, s. Rates of change
+    /// are computed over this time.
     pub ahead: f64,
 }

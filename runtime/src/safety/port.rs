@@ -27,9 +27,9 @@ const GATE_LINES: usize = 12;
 struct Shown {
     state: GateState,
     latch: Option<Latch>,
-    /// True if joints move that the safe state should bring to rest.
+    /// True if joints move that should be at rest or braking in the safe state.
     moves: bool,
-    /// True if they still move when they should be at rest.
+    /// True if they still move after the time limit.
     unsettled: bool,
     /// True if the gate has been resuming for too long.
     late: bool,
@@ -75,9 +75,9 @@ pub struct CommandGate {
     freshness: Freshness,
     clock: SuspendClock,
     emergency_stop: Option<StopInput>,
-    /// True once a command has been applied; from then on a stale command counts as a miss.
+    /// True once a command has been applied. From then on a stale command counts as a miss.
     armed: bool,
-    /// Number of `motorium resume` that this gate has seen.
+    /// Number of `motorium resume` commands that this gate has seen.
     resumes: u32,
     /// True from [`trip`](Self::trip) until the next resume.
     tripped: bool,
@@ -90,7 +90,7 @@ pub struct CommandGate {
     /// number of periods it catches up.
     checked_ns: u64,
     shown: Option<Shown>,
-    /// True if its memory is recorded among the lines that a step needs first.
+    /// True if the gate's memory is recorded among the lines that a step needs first.
     is_noted: bool,
     /// The gates of the same actuator, and this gate's index among them.
     group: Rc<Group>,
@@ -102,8 +102,8 @@ pub struct CommandGate {
 }
 
 impl Setup {
-    /// Creates the gate of a command input, for the joints in the order of its commands. For components that
-    /// declared [`actuator`](crate::declare::Declare::actuator).
+    /// Creates the gate of a command input. `joints` is in the order of the joints in each command. Requires
+    /// that the component has declared [`actuator`](crate::declare::Declare::actuator).
     ///
     /// # Errors
     /// There are no joints or more than [`MAX_JOINTS`], or the emergency-stop topic cannot be joined.
@@ -111,8 +111,8 @@ impl Setup {
         Ok(self.command_gates(vec![joints])?.swap_remove(0))
     }
 
-    /// Creates the gates of an actuator that moves several robots, with one command input for the joints of
-    /// each. A stale command stops its own robot, or all of them with `[safety] stop_together`.
+    /// Creates the gates of an actuator that moves several robots: one gate per robot, each with its own
+    /// command input. A stale command stops its own robot, or all robots with `[safety] stop_together`.
     ///
     /// # Errors
     /// Same as [`command_gate`](Self::command_gate), or all gates together have more than [`MAX_JOINTS`]
@@ -180,14 +180,14 @@ impl CommandGate {
         self.gate.joints()
     }
 
-    /// Returns the number of `motorium resume` commands seen so far. An actuator with its own latch, such as
-    /// after a fault of a drive, releases it when this number changes.
+    /// Returns the number of `motorium resume` commands seen so far. An actuator that latches itself, for
+    /// example after a drive fault, releases its latch when this number changes.
     pub fn resumes(&self) -> u32 {
         self.resumes
     }
 
-    /// Keeps the safe state until `motorium resume` for a reason known to the actuator, such as a fault of a
-    /// drive. The run is shown as latched.
+    /// Keeps the safe state from the next check on, until `motorium resume`. For faults that only the
+    /// actuator knows, such as a drive fault. The run is shown as latched.
     pub fn trip(&mut self) {
         self.tripped = true;
     }
@@ -203,15 +203,15 @@ impl CommandGate {
         (self.offered, self.stepped_ns, self.checked_ns, self.shown) = (None, 0, 0, None);
     }
 
-    /// Returns `true` while the gate keeps the safe state until `motorium resume` with `resume = "latch"`,
-    /// such as after a restart of the actuator. Motions that bypass the gate, such as the homing of a drive,
-    /// must wait until then.
+    /// Returns `true` while the gate keeps its safe state until `motorium resume`, for example after a
+    /// restart of the actuator with `resume = "latch"`. Motions that bypass the gate, such as homing, must
+    /// wait until this returns `false`.
     pub fn is_latched(&self) -> bool {
         self.gate.is_latched()
     }
 
-    /// Resets the gate after the joint positions were unknown, such as after homing. Like
-    /// [`reset`](Self::reset), but keeps the latch.
+    /// Resets the gate after the joint positions were unknown, for example after homing. The latch is kept,
+    /// unlike in [`reset`](Self::reset).
     pub fn relocate(&mut self) {
         let latched = self.gate.is_latched();
         self.reset();
@@ -220,9 +220,9 @@ impl CommandGate {
         }
     }
 
-    /// Sets the [`setpoints`](Self::setpoints) of the safe state regardless of the command. Call it instead
-    /// of [`check`](Self::check) while the joint positions are unknown and no command can be checked. It
-    /// still reacts to an emergency stop and `motorium resume`.
+    /// Applies the safe state without checking a command, and sets the [`setpoints`](Self::setpoints). Call
+    /// it instead of [`check`](Self::check) while the joint positions are unknown. Emergency stops and
+    /// `motorium resume` still take effect.
     pub fn withhold(&mut self, measured: Measured<'_>) -> Verdict {
         let dt = self.step_time();
         let latch = self.latch();
@@ -238,8 +238,8 @@ impl CommandGate {
         self.check_for(input, measured, dt)
     }
 
-    /// Checks the newest command for a period of `dt` s of simulated time. An actuator that simulates several
-    /// periods in one late step calls it for each of them.
+    /// Same as [`check`](Self::check), for a period of `dt` s of simulated time. An actuator that simulates
+    /// several periods in one late step calls it once per period.
     pub fn check_for(&mut self, input: &mut Input<JointCommand>, measured: Measured<'_>, dt: f64) -> Verdict {
         let stopping = self.context.is_stopping() || self.context.region().header().command() != Command::Run;
         let step_ns = self.context.clock().step_ns();

@@ -5,12 +5,12 @@ use crate::plan::SafeState;
 
 /// Speed below which a joint counts as at rest, rad/s or m/s.
 pub const REST_SPEED: f64 = 0.05;
-/// Time in which `hold` and `brake` bring every joint to rest, s. A joint that is still faster than
-/// [`REST_SPEED`] then has not reached its safe state.
+/// Maximum time in which `hold` and `brake` bring every joint to rest, s. If a joint is faster than
+/// [`REST_SPEED`] after this time, the safe state is reported as not reached.
 pub const REST_WITHIN: f64 = 1.0;
 
-/// Reversals per second above which a joint shakes. A structure oscillates more slowly, and a drive whose
-/// gains are too high for its period reverses at every step.
+/// Number of reversals per second above which a joint counts as shaking. A structure oscillates more slowly.
+/// A drive whose gains are too high for its period reverses at every step.
 const SHAKES: f64 = 100.0;
 /// Time over which reversals are counted, s.
 const MEMORY: f64 = 0.1;
@@ -58,8 +58,8 @@ impl Rest {
         self.calm_for < CALM_FOR
     }
 
-    /// Returns `false` if a joint still moves after [`REST_WITHIN`]. `damp` and `zero_torque` let joints move
-    /// and are reached on entry.
+    /// Returns `false` if a joint still moves after [`REST_WITHIN`]. Always `true` for `damp` and
+    /// `zero_torque`, which let joints move.
     pub(super) fn is_reached(&self) -> bool {
         !self.moves() || self.elapsed < REST_WITHIN
     }

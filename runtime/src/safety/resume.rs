@@ -23,7 +23,7 @@ const LAST_SHARE: f64 = 0.6;
 const GENTLE_FOR: f64 = 0.6;
 /// Time in which its share of the limits rises to [`LAST_SHARE`], s.
 const RISES_FOR: f64 = 0.4;
-/// Longest time in which the remaining difference fades if the command was not met, s.
+/// Longest time in which the remaining difference fades if the setpoint did not reach the command, s.
 const LONGEST_FADE: f64 = 0.3;
 /// Time after which larger differences may fade, s.
 const PATIENT_FOR: f64 = 1.0;
@@ -33,14 +33,14 @@ const LOSES_PATIENCE_FOR: f64 = 0.5;
 const MORE_FADE: f64 = 0.3;
 /// Growth of the longest fade, seconds per second.
 const FADE_GROWTH: f64 = 0.7;
-/// Time after which the approach ends for a command that it cannot meet, s.
+/// Time after which the approach to an unreachable command ends, s.
 const URGENT_AFTER: f64 = 3.0;
 /// Fraction of the limits for an approach that lasts longer than [`URGENT_AFTER`].
 const URGENT_SHARE: f64 = 0.9;
 /// Longest time in which the difference fades after [`URGENT_AFTER`], s.
 const URGENT_FADE: f64 = 0.9;
-/// Time within which commands are followed again unless they are too far away for the limits, s. A gate that
-/// takes longer is reported.
+/// Time after which recovery counts as late and is reported, s. Only commands that the limits cannot reach in
+/// this time make it late.
 pub const RESUME_WITHIN: f64 = 2.0;
 /// Time constant of the last part of the approach, s.
 const APPROACH: f64 = 0.08;

@@ -13,8 +13,8 @@ const BRAKE: f64 = 1e6;
 /// follow with some overshoot.
 const STOPPING_SHARE: f64 = 0.7;
 
-/// Time in which the feed-forward of `hold` blends from the previous effort to gravity compensation, to a
-/// third, s.
+/// Time constant with which the feed-forward of `hold` blends from the previous effort to gravity
+/// compensation, s.
 pub(super) const HOLD_EFFORT_BLEND: f64 = 0.03;
 
 /// Speed below which a joint counts as stopped, rad/s or m/s.

@@ -22,8 +22,8 @@ impl Envelope {
     }
 
     /// Applies a new command to the setpoints if it is valid and within all limits, including the rate limits
-    /// over `over` s. `q` and `v` are the measured joint positions and velocities. Returns `false` without
-    /// any change if it is not; the command must then be checked joint by joint.
+    /// over `over` s. `q` and `v` are the measured joint positions and velocities. Otherwise returns `false`
+    /// and changes nothing; the command must then be checked joint by joint.
     ///
     /// All comparisons of a joint are made without branches between them.
     #[inline]

@@ -1,4 +1,4 @@
-//! The result of an admission.
+//! The result of the timing analysis of a graph.
 
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -7,29 +7,29 @@ use super::{Overheads, RtLimit};
 use crate::plan::ClockKind;
 use crate::severity::Severity;
 
-/// Result of the timing analysis of a graph, with the arithmetic.
+/// Result of the timing analysis of a graph, with its calculations as text.
 ///
-/// Unknown times (components without a budget, releases by components that are not real-time) count as zero
-/// in all sums. A bound that still exceeds its limit is refused; a bound that holds but depends on an unknown
-/// time is not provable.
+/// Unknown times count as zero in all sums: the execution time of components without a budget, and releases
+/// by components that are not real-time. A bound that exceeds its limit even then is refused. A bound within
+/// its limit that depends on an unknown time is not provable.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Admission {
-    /// The worst verdict of all bounds below.
+    /// Worst verdict of all bounds below.
     pub verdict: Verdict,
     /// Clock of the graph. In lockstep there are no deadlines, and nothing is analysed.
     pub clock: ClockKind,
-    /// The overheads assumed.
+    /// Overheads that the analysis assumes.
     pub overheads: Overheads,
-    /// The kernel's limit on real-time threads.
+    /// Limit of the kernel on real-time threads.
     pub rt_limit: RtLimit,
-    /// Every core with real-time components.
+    /// Load of every core with real-time components.
     pub cores: Vec<CoreLoad>,
-    /// The load of the components under `SCHED_DEADLINE`, on all cores together; `null` if the graph has
-    /// none.
+    /// Load of all components under `SCHED_DEADLINE`, on all cores together; `null` if the graph has no such
+    /// components.
     pub deadlines: Option<DeadlineLoad>,
-    /// Every component, in the order of the plan.
+    /// Response-time bound of every component, in the order of the plan.
     pub tasks: Vec<TaskBound>,
-    /// Every latency budget, in the order of the plan.
+    /// Bound of every latency budget, in the order of the plan.
     pub latencies: Vec<LatencyBound>,
     /// Bounds that do not hold or cannot be verified.
     pub problems: Vec<Problem>,
@@ -47,13 +47,13 @@ impl Admission {
     }
 }
 
-/// The verdict on a bound.
+/// Verdict on a bound.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
-    /// Not real-time: no bound, and no analysis.
+    /// Not real-time: there is no bound, and nothing is analysed.
     BestEffort,
-    /// The bound holds as long as all steps keep their budgets.
+    /// The bound is within its limit if all steps keep their budgets.
     Holds,
     /// The bound is within its limit, but depends on an unknown time.
     NotProvable,
@@ -61,125 +61,126 @@ pub enum Verdict {
     Exceeds,
 }
 
-/// The load of real-time components on a core.
+/// Load of the real-time components on one core.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct CoreLoad {
-    /// The core.
+    /// Index of the core.
     pub core: usize,
-    /// Share of its time, 1 for all of it; at least that much if the verdict is `not_provable`.
+    /// Load as a fraction of the core's time, 0 to 1; a lower bound if the verdict is `not_provable`.
     pub share: f64,
-    /// Share that real-time threads may use before the kernel throttles them.
+    /// Fraction of the core's time that real-time threads may use before the kernel throttles them.
     pub limit: f64,
-    /// The verdict.
+    /// Verdict on the load.
     pub verdict: Verdict,
-    /// The terms of the share.
+    /// Loads of the components, which add up to `share`.
     pub terms: Vec<LoadTerm>,
-    /// The sum in one line.
+    /// The sum as one line of text.
     pub arithmetic: String,
 }
 
 /// Load of the deadline-scheduled components on all cores together.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct DeadlineLoad {
-    /// Number of cores of the graph.
+    /// Number of cores that the graph uses.
     pub cores: usize,
-    /// Total reserved share, in units of one core.
+    /// Total reserved time, in units of one core.
     pub share: f64,
-    /// Maximum accepted by the kernel.
+    /// Maximum total that the kernel accepts, in units of one core.
     pub limit: f64,
-    /// The verdict.
+    /// Verdict on the load.
     pub verdict: Verdict,
-    /// The terms of the share.
+    /// Loads of the components, which add up to `share`.
     pub terms: Vec<LoadTerm>,
-    /// The sum in one line.
+    /// The sum as one line of text.
     pub arithmetic: String,
 }
 
-/// The load of one component on its core.
+/// Load of one component on its core.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct LoadTerm {
     /// Name of the component.
     pub component: String,
-    /// The use of the time.
+    /// Purpose of the time.
     pub activity: Activity,
-    /// Time per period, ns.
+    /// Core time per period, ns.
     pub cost_ns: u64,
-    /// The period, ns.
+    /// Period, ns.
     pub period_ns: u64,
-    /// `time_ns` divided by `period_ns`.
+    /// `cost_ns` divided by `period_ns`.
     pub share: f64,
 }
 
-/// A component's use of a core.
+/// Purpose for which a component uses its core.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Activity {
-    /// Spinning before its release.
+    /// Spinning before a release.
     Spin,
-    /// Its step, including the overhead of the runtime.
+    /// A step, including the overhead of the runtime.
     Step,
-    /// The whole reservation of a `SCHED_DEADLINE` component that may run on this core.
+    /// The whole reservation of a component under `SCHED_DEADLINE` that may run on this core.
     Reserved,
 }
 
-/// Bound on the time of a component from its release to the end of its step.
+/// Bound on the response time of a component, from its release to the end of its step.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct TaskBound {
     /// Name of the component.
     pub component: String,
-    /// Core; `None` if it may run on several.
+    /// Core of the component; `None` if it may run on several cores.
     pub core: Option<usize>,
-    /// `SCHED_FIFO` priority; `None` if not real-time.
+    /// `SCHED_FIFO` priority; `None` if the component is not scheduled as `fifo`.
     pub priority: Option<u8>,
-    /// Time between two of its steps, ns.
+    /// Time between two steps, ns.
     pub period_ns: u64,
-    /// Execution time allowed per step, ns.
+    /// Allowed execution time per step, ns; `None` if the graph sets no budget.
     pub budget_ns: Option<u64>,
-    /// Longest time for which a step waits for an answer without the core, ns.
+    /// Maximum time for which a step waits for an answer without using the core, ns.
     pub waits_ns: u64,
-    /// Component at whose release `response_ns` starts: itself, or the head of its trigger chain on the same
-    /// core at the same priority.
+    /// Component at whose release `response_ns` starts: the component itself, or the head of its trigger
+    /// chain on the same core at the same priority.
     pub released_with: String,
-    /// Longest time from that release to the end of the step, ns. `None` without a bound.
+    /// Maximum time from that release to the end of the step, ns; `None` if there is no bound.
     pub response_ns: Option<u64>,
-    /// Longest time from the release of the time-triggered component at the head of the whole chain, ns.
+    /// Maximum time from the release of the head of the whole trigger chain to the end of the step, ns;
+    /// `None` if there is no bound.
     pub chain_ns: Option<u64>,
-    /// Time until the next release, ns, by which the step must have ended.
+    /// Time until the next release, by which the step must have ended, ns.
     pub deadline_ns: u64,
-    /// The verdict.
+    /// Verdict on the response time.
     pub verdict: Verdict,
-    /// The sum of `response_ns`, in one line.
+    /// The sum of `response_ns` as one line of text.
     pub arithmetic: String,
 }
 
-/// Bound on the latency of data from one topic to another.
+/// Bound on the latency from one topic to another.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct LatencyBound {
-    /// Topic at the head of the chain.
+    /// Name of the topic at the head of the chain.
     pub from: String,
-    /// Topic at its end.
+    /// Name of the topic at the end of the chain.
     pub to: String,
-    /// Components on the path of the data, the writer of `from` first.
+    /// Names of the components on the path of the data, starting with the writer of `from`.
     pub path: Vec<String>,
-    /// Longest time, ns. `None` without a bound.
+    /// Maximum latency, ns; `None` if there is no bound.
     pub bound_ns: Option<u64>,
-    /// Longest time allowed, ns.
+    /// Latency budget, ns.
     pub max_ns: u64,
-    /// The verdict.
+    /// Verdict on the latency.
     pub verdict: Verdict,
-    /// The sum of `bound_ns`, in one line.
+    /// The sum of `bound_ns` as one line of text.
     pub arithmetic: String,
 }
 
-/// A bound that does not hold (an error) or cannot be verified (a warning).
+/// A bound that exceeds its limit (an error) or cannot be verified (a warning).
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct Problem {
-    /// The severity.
+    /// Severity of the problem.
     pub severity: Severity,
-    /// The problem, in one sentence.
+    /// Description of the problem in one sentence.
     pub message: String,
-    /// The sum behind it, in one line.
+    /// The sum that exceeds the limit, as one line of text.
     pub arithmetic: Option<String>,
-    /// Advice, in one sentence.
+    /// Advice in one sentence.
     pub advice: String,
 }

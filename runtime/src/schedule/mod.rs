@@ -47,7 +47,7 @@ use analysis::unknown::Unknown;
 use analysis::{Analysis, response};
 use explain::{latency, load, problems, task};
 
-/// Checks that a graph meets its timing requirements on a machine with these overheads and this limit on
+/// Analyses whether a graph meets its timing requirements on a machine with these overheads and this limit on
 /// real-time threads.
 pub fn admit(plan: &Plan, overheads: &Overheads, rt_limit: RtLimit) -> Admission {
     let mut admission = Admission {

@@ -2,11 +2,11 @@
 
 use crate::plan::{Activation, OnOverrun, Plan};
 
-/// Returns the plan of a graph extended by the components of other running graphs, for
-/// [`admit`](super::admit) only. Their components are named `RUN/component` and may be released at any time,
-/// because their runs started at other times. Only real-time graphs are considered.
+/// Returns the plan of a graph extended by the components of other running graphs. For
+/// [`admit`](super::admit) only. The added components are named `RUN/component` and may be released at any
+/// time, because their runs started at other times. Only real-time graphs are considered.
 ///
-/// `others` contains the names and plans of the runs.
+/// `others` contains the ids and plans of the running graphs.
 pub fn beside(plan: &Plan, others: &[(String, Plan)]) -> Plan {
     let mut merged = plan.clone();
     for (run, other) in others.iter().filter(|(_, other)| other.clock == plan.clock) {

@@ -9,11 +9,11 @@ use crate::os::monotonic_ns;
 use crate::plan::{ClockKind, EpisodesPlan, Plan};
 use crate::worker::Registry;
 
-/// Longest time between two checks of a paused run, ns.
+/// Maximum time between two checks of a paused run, ns.
 const LOOK_NS: u64 = 20_000_000;
 
 impl Session<'_> {
-    /// Runs the plan to its end: its duration in each of its episodes. The report of [`stop`](Self::stop)
+    /// Runs all episodes of the plan, each for the plan's duration. The report of [`stop`](Self::stop)
     /// contains the exit.
     ///
     /// # Errors
@@ -123,14 +123,14 @@ impl Session<'_> {
     }
 }
 
-/// Runs a plan to its end: its duration in each of its episodes, a signal, or a failure that its policies do
-/// not tolerate.
+/// Runs a plan: all its episodes, each for the plan's duration. A signal ends the run early, and so does a
+/// failure that the policies do not tolerate.
 ///
-/// `observe` is called with every [`Event`] while the graph runs, including a status about 20 times a second.
+/// Calls `observe` with every [`Event`] while the graph runs, including a status about 20 times a second.
 ///
 /// # Errors
-/// The graph did not start; nothing is left behind then. A graph that ran and failed is not an error; its
-/// report contains the exit.
+/// The graph did not start; nothing is left behind then. If the graph ran and failed, the function returns
+/// `Ok`, and the report contains the exit.
 pub fn run(
     plan: Plan,
     registry: &Registry,

@@ -5,7 +5,7 @@ use crate::os::OtherProcess;
 use crate::parameter::ParameterError;
 use crate::transport::PortError;
 
-/// Error of driving a run.
+/// Error of launching or driving a run.
 #[derive(Debug, thiserror::Error)]
 pub enum SessionError {
     /// The graph did not start; nothing is left behind.
@@ -15,27 +15,29 @@ pub enum SessionError {
     /// state. The only remaining operation is to stop the session.
     #[error("the run has ended: {}", describe(.0))]
     Ended(Exit),
-    /// The session belongs to the process that this one was forked from.
-    #[error("the session: {0}")]
+    /// The session belongs to the process from which the current one was forked.
+    #[error("the session cannot be used in this process: {0}")]
     OtherProcess(#[from] OtherProcess),
-    /// Only simulated time can be paused, reset or sped up.
-    #[error("{what}: the run is in real time; launch it with the clock `lockstep`")]
-    RealTime {
-        /// The requested value.
-        what: &'static str,
-    },
-    /// In lockstep an episode requires a reset of simulated time.
-    #[error("{what}: the run is in lockstep; use `Session::reset`")]
-    SimulatedTime {
-        /// The operation.
-        what: &'static str,
-    },
-    /// A component begins the episodes of the run.
+    /// The operation requires simulated time, but the run is in real time.
     #[error(
-        "component `{component}` begins the episodes of this graph; remove its `begins_episodes` to begin them from here"
+        "{what} requires simulated time, but the run is in real time; launch it with the clock `lockstep`"
+    )]
+    RealTime {
+        /// The requested operation.
+        what: &'static str,
+    },
+    /// The operation requires real time; in lockstep an episode begins with a reset of simulated time.
+    #[error("{what} requires real time, but the run is in lockstep; use `Session::reset`")]
+    SimulatedTime {
+        /// The requested operation.
+        what: &'static str,
+    },
+    /// A component of the graph begins the episodes, so the session cannot.
+    #[error(
+        "component `{component}` begins the episodes of this graph; remove its `begins_episodes` to begin them in the session"
     )]
     EpisodeDriver {
-        /// The component.
+        /// Name of the component.
         component: String,
     },
     /// A component cannot be reset for a new episode.
@@ -44,35 +46,35 @@ pub enum SessionError {
         advice = "its kind does not implement `Component::reset`"
     )]
     NoReset {
-        /// The component.
+        /// Name of the component.
         component: String,
     },
-    /// The factor of time is not above zero, or not finite.
-    #[error("simulated time cannot run at {0} times real time; expected a factor above 0")]
+    /// The pace of simulated time is not above zero, or not finite.
+    #[error("the pace of simulated time is {0}, expected a finite multiple of real time above 0")]
     Pace(f64),
-    /// The graph has no such topic.
+    /// The graph has no topic with this name.
     #[error("the graph has no topic `{topic}`; {advice}")]
     NoTopic {
-        /// The requested topic.
+        /// Name of the requested topic.
         topic: String,
-        /// The most similar topic, or all topics.
+        /// Suggestion: the most similar topic, or all topics.
         advice: String,
     },
-    /// Another component writes the topic.
+    /// Another component writes the topic, so the session cannot.
     #[error(
-        "topic `{topic}` is written by component `{writer}`; to write it launch with \
+        "topic `{topic}` is written by component `{writer}`; to write it from the session, launch with \
          `Options::standing_in_for(\"{writer}\")`"
     )]
     NotOurs {
-        /// The topic.
+        /// Name of the topic.
         topic: String,
-        /// Its writer.
+        /// Name of the component that writes the topic.
         writer: String,
     },
-    /// The topic cannot be read or written this way, or a number of the value is not finite.
+    /// The topic cannot be read or written in this way, or a number of the value is not finite.
     #[error("topic `{topic}`: {reason}")]
     Topic {
-        /// The topic.
+        /// Name of the topic.
         topic: String,
         /// The reason.
         reason: String,

@@ -1,7 +1,8 @@
-//! A run driven by a program, which launches, steps, reads, resets and ends it.
+//! A run controlled by a program, which launches it, steps it, reads and writes its topics, resets it and
+//! ends it.
 //!
 //! A [`Session`] belongs to one thread. A program may have several sessions, each in a separate thread and on
-//! a core of its choice, for example for roll-outs of a learner. `motorium run` is [`run`], a loop over a
+//! a core of its choice, for example for roll-outs of a learner. `motorium run` uses [`run`], a loop over a
 //! session.
 //!
 //! # Time
@@ -10,12 +11,12 @@
 //! `step_until` waits and supervises the components meanwhile.
 //!
 //! # Episodes
-//! In lockstep, [`reset`](Session::reset) resets all components and simulated time. The values that an
-//! episode publishes depend only on its seed, on parameters, and on the values and times of the session's own
+//! In lockstep, [`reset`](Session::reset) resets all components and simulated time. The values published in
+//! an episode depend only on its seed, on parameters, and on the values and times of the session's own
 //! publications. Episodes with equal inputs are bitwise equal.
 //!
-//! In real time, [`begin_episode`](Session::begin_episode) begins the next numbered section of the run.
-//! Nothing is reset.
+//! In real time, [`begin_episode`](Session::begin_episode) begins the next numbered section of the run,
+//! without resetting anything.
 //!
 //! # Forks
 //! A session belongs to the process that launched it. In a forked child, such as of Python's
@@ -52,7 +53,7 @@ use crate::worker::Registry;
 use pace::Pace;
 use ports::Ports;
 
-/// A run driven by its owner. See [the module](self).
+/// A run controlled by a Rust program. See [the module](self).
 ///
 /// ```
 /// use std::time::Duration;
@@ -116,7 +117,7 @@ pub struct Session<'o> {
     observe: Box<dyn FnMut(Event<'_>) + 'o>,
     exit: Option<Exit>,
     pace: Option<Pace>,
-    /// The current episode's seed, and the number of steps before it.
+    /// The current episode's seed, and the number of steps of the run before the episode.
     episode: (u64, u64),
     episodes: Vec<EpisodeReport>,
     events: EventReader,
@@ -130,18 +131,18 @@ impl core::fmt::Debug for Session<'_> {
 }
 
 impl Session<'static> {
-    /// Launches a plan. All components are configured and connected; none has stepped yet.
+    /// Launches a plan. All components are configured and connected, but none has stepped yet.
     ///
     /// # Errors
-    /// The graph did not start; nothing is left behind then.
+    /// The graph did not start. Nothing is left behind then.
     pub fn launch(plan: Plan, registry: &Registry, options: &Options) -> Result<Self, SessionError> {
         Self::observed(plan, registry, options, |_| {})
     }
 }
 
 impl<'o> Session<'o> {
-    /// Launches a plan and calls `observe` with every [`Event`], including a status about 20 times a second
-    /// while time passes.
+    /// Launches a plan like [`launch`](Session::launch), and calls `observe` with every [`Event`], including
+    /// a status about 20 times a second while time passes.
     ///
     /// # Errors
     /// Same as [`launch`](Session::launch).
@@ -165,12 +166,13 @@ impl<'o> Session<'o> {
         self.launch.plan()
     }
 
-    /// Returns the id of the run, by which commands find it.
+    /// Returns the run's id, by which commands find the run.
     pub fn id(&self) -> &str {
         self.launch.folder().id()
     }
 
-    /// Returns the time since the start of the run or of its current episode; simulated time in lockstep.
+    /// Returns the time since the start of the current episode, or of the run if there are no episodes. In
+    /// lockstep this is simulated time.
     pub fn time(&self) -> Duration {
         Duration::from_nanos(self.launch.time_ns().saturating_sub(self.launch.episode_ns()))
     }
@@ -185,8 +187,8 @@ impl<'o> Session<'o> {
         self.launch.region().header().is_episode_over()
     }
 
-    /// Returns the digest of all values published in the current episode. In lockstep it is equal for equal
-    /// episodes.
+    /// Returns the digest of all values published in the current episode. In lockstep, equal episodes have
+    /// equal digests.
     pub fn state_hash(&self) -> String {
         self.launch.state_hash()
     }
@@ -197,14 +199,14 @@ impl<'o> Session<'o> {
         self.launch.events(&mut self.events)
     }
 
-    /// Returns the number of events that were overwritten in the log before [`events`](Self::events) read
-    /// them.
+    /// Returns the number of events that were overwritten in the log before [`events`](Self::events) could
+    /// read them.
     pub fn lost_events(&self) -> u64 {
         self.events.lost()
     }
 
-    /// Lets time pass until [`time`](Self::time) has reached `time`. In lockstep it runs all rounds before
-    /// that time; in real time it waits. Returns earlier if a component ends the episode.
+    /// Lets time pass until [`time`](Self::time) reaches `time`. In lockstep this runs all rounds before that
+    /// time; in real time it waits. Returns earlier if a component ends the episode.
     ///
     /// # Errors
     /// The run has ended.
@@ -224,7 +226,7 @@ impl<'o> Session<'o> {
         self.ended(exit)
     }
 
-    /// Runs one round in lockstep: all components that are due at the next release time.
+    /// Runs one lockstep round: steps all components that are due at the next release time.
     ///
     /// # Errors
     /// The run is in real time, or has ended.
@@ -235,8 +237,8 @@ impl<'o> Session<'o> {
         self.ended(exit)
     }
 
-    /// Resets all components and simulated time for an episode with this seed. The first episode has the
-    /// plan's seed.
+    /// Resets all components and simulated time, and begins an episode with this seed. The first episode has
+    /// the seed of the plan.
     ///
     /// Parameters keep their values. Afterwards all topics are empty, and time is zero.
     ///
@@ -259,12 +261,13 @@ impl<'o> Session<'o> {
         self.ended(exit)
     }
 
-    /// Begins the next episode in real time with this seed: a numbered section of the run without a reset.
-    /// Returns its index.
+    /// Begins the next episode in real time with this seed: a numbered section of the run, without a reset.
+    /// Returns the index of the episode.
     ///
-    /// Each component enters it at its next step: its stamps have the new index, weights that wait for an
-    /// episode are applied, and [`Component::begin_episode`](crate::component::Component::begin_episode) is
-    /// called. [`time`](Self::time) restarts at zero. Robots, topics, parameters and
+    /// Each component enters the episode at its next step: its stamps have the new index, weights that wait
+    /// for an episode are applied, and
+    /// [`Component::begin_episode`](crate::component::Component::begin_episode) is called.
+    /// [`time`](Self::time) restarts at zero. Robots, topics, parameters and
     /// [`Tick::time_ns`](crate::component::Tick::time_ns) continue unchanged.
     ///
     /// ```no_run
@@ -282,7 +285,7 @@ impl<'o> Session<'o> {
     /// ```
     ///
     /// # Errors
-    /// The run is in lockstep or has ended, or a component begins its episodes.
+    /// The run is in lockstep or has ended, or a component begins the episodes of this run.
     pub fn begin_episode(&mut self, seed: u64) -> Result<u64, SessionError> {
         self.launch.check()?;
         if self.launch.plan().clock == ClockKind::Lockstep {
@@ -295,8 +298,8 @@ impl<'o> Session<'o> {
         Ok(self.launch.begin_episode(seed, &mut *self.observe))
     }
 
-    /// Sets a parameter of a component to a value such as `1.5`, `3`, `true`, `"trot"` or `[0.0, 0.5]`. It
-    /// takes effect at the component's next step and persists through resets.
+    /// Sets a parameter of a component to a value such as `1.5`, `3`, `true`, `"trot"` or `[0.0, 0.5]`. The
+    /// value takes effect at the component's next step and persists through resets.
     ///
     /// # Errors
     /// The parameter does not exist, or the value has the wrong type or is out of range.
@@ -309,8 +312,8 @@ impl<'o> Session<'o> {
         self.set_many(component, [(parameter, value.into())])
     }
 
-    /// Sets several parameters of a component together. All of them take effect at its next step, or none if
-    /// one cannot be set.
+    /// Sets several parameters of a component together. If one of them cannot be set, none is. All take
+    /// effect at the component's next step.
     ///
     /// # Errors
     /// Same as [`set`](Self::set).
@@ -334,10 +337,11 @@ impl<'o> Session<'o> {
         Ok(())
     }
 
-    /// Makes simulated time pass at this multiple of real time, or as fast as the machine allows for `None`.
+    /// Sets the pace of simulated time to a multiple of real time. With `None` the run is as fast as the
+    /// machine allows.
     ///
     /// # Errors
-    /// The run is in real time, or the factor is not above zero.
+    /// The run is in real time, or the factor is not finite or not above zero.
     pub fn pace(&mut self, factor: Option<f64>) -> Result<(), SessionError> {
         self.in_lockstep("a pace")?;
         let (wall_ns, simulated_ns) = (monotonic_ns(), self.launch.time_ns());
@@ -348,9 +352,9 @@ impl<'o> Session<'o> {
         Ok(())
     }
 
-    /// Pauses simulated time in [`run`](Self::run), or continues it. `motorium step` does the same from
-    /// another terminal. [`step`](Self::step) and [`step_until`](Self::step_until) also work in a paused run,
-    /// because the program calls them explicitly.
+    /// Pauses simulated time in [`run`](Self::run) if `held` is true, otherwise continues it. `motorium step`
+    /// does the same from another terminal. [`step`](Self::step) and [`step_until`](Self::step_until) also
+    /// work in a paused run, because the program calls them explicitly.
     ///
     /// # Errors
     /// The run is in real time, which cannot be paused.
@@ -360,8 +364,8 @@ impl<'o> Session<'o> {
         Ok(())
     }
 
-    /// Ends the run in an orderly way: actuators enter their safe state, components save their results. In a
-    /// forked child it does not end the run, and the report covers the run so far.
+    /// Ends the run in an orderly way: actuators enter their safe state, and components save their results.
+    /// In a forked child the run continues, and the report covers the run so far.
     pub fn stop(mut self) -> Report {
         if let Err(error) = self.launch.check() {
             return self.launch.report_so_far(Exit::SafeStop { reason: format!("the session: {error}") });

@@ -1,6 +1,6 @@
 //! The pace of simulated time, as a pure function of the machine's clock.
 
-/// Longest delay that is caught up, ns of the machine's clock.
+/// Maximum delay that is caught up, ns of the machine's clock.
 const BEHIND_NS: u64 = 100_000_000;
 
 /// A pace of simulated time as a multiple of real time, from an anchor on both clocks.
@@ -12,7 +12,7 @@ pub(super) struct Pace {
 }
 
 impl Pace {
-    /// Creates a pace from now on. Returns `None` unless the factor is above zero and finite.
+    /// Creates a pace that starts now. Returns `None` unless the factor is finite and above zero.
     pub(super) fn new(factor: f64, wall_ns: u64, simulated_ns: u64) -> Option<Self> {
         (factor > 0.0 && factor.is_finite()).then_some(Self { factor, wall_ns, simulated_ns })
     }
@@ -28,8 +28,8 @@ impl Pace {
         self.wall_ns.saturating_add(since as u64)
     }
 
-    /// Returns `true` if a time due at `due_ns` is too late to be caught up; the run then continues at its
-    /// pace from here.
+    /// Returns `true` if a time due at `due_ns` is too late to be caught up. The run then continues at its
+    /// pace from the current time.
     pub(super) fn has_fallen_behind(&self, due_ns: u64, wall_ns: u64) -> bool {
         wall_ns > due_ns.saturating_add(BEHIND_NS)
     }

@@ -17,12 +17,12 @@ use crate::transport::latest::StateReader;
 use crate::transport::stream::{Queue, Received, parts, receive};
 use crate::transport::{PortError, TopicMemory, open_queue, refused, same_layout, side_pin};
 
-/// A reader of the newest value of a topic, in place, for programs outside the graph.
+/// A reader of the newest value of a topic, without copying, for programs outside the graph.
 ///
-/// The writer does nothing for it and never waits for it. [`poll`](Self::poll) pins the newest value, which
-/// stays valid and unchanged until the next `poll`, regardless of its size and of the time between polls. A
-/// topic supports four readers from outside at a time, including [taps](crate::transport::Tap). The place of
-/// a killed program is released immediately.
+/// Reading costs the writer nothing, and the writer never waits for a reader. [`poll`](Self::poll) pins the
+/// newest value, which stays valid and unchanged until the next `poll`, regardless of its size and of the
+/// time between polls. A topic supports four readers outside the graph at a time, including
+/// [taps](crate::transport::Tap). A reader is released immediately when its process is killed.
 ///
 /// On a stream, `poll` skips to the newest value. Use a [`Tap`](crate::transport::Tap) to read every value.
 ///
@@ -52,17 +52,17 @@ enum Source {
 }
 
 impl TopicReader {
-    /// Joins a topic. There is no value before the first [`poll`](Self::poll).
+    /// Joins a topic. The reader has no value before the first [`poll`](Self::poll).
     ///
     /// # Errors
-    /// The run or the topic cannot be opened, or four other programs read it.
+    /// The run or the topic cannot be opened, or four other programs already read the topic.
     pub fn open(domain: &Domain, topic: &TopicPlan) -> Result<Self, PortError> {
         let node = domain.node().map_err(|error| refused(&topic.name, "joining the run")(&error))?;
         let reader = Self::join(domain, &node, topic)?;
         Ok(Self { _node: Owned::new(Some(node)), ..reader })
     }
 
-    /// Like [`open`](Self::open), through a node of the domain that outlives the reader.
+    /// Joins a topic like [`open`](Self::open), through a node of the domain that outlives the reader.
     pub(crate) fn join(domain: &Domain, node: &Node<Shared>, topic: &TopicPlan) -> Result<Self, PortError> {
         let (source, place) = match topic.pattern {
             TopicPattern::State => {
@@ -78,21 +78,21 @@ impl TopicReader {
         Ok(Self { topic, source, known: Cell::new(None), _place: Owned::new(place), _node: Owned::new(None) })
     }
 
-    /// Returns the layout of the topic's values, or of one element of its slices.
+    /// Returns the layout of the topic's values or, on a topic of slices, of their elements.
     pub fn layout(&self) -> &TypeLayout {
         &self.topic.layout
     }
 
-    /// Checks that this process opened the reader. In a forked child a reader reads nothing, and dropping it
-    /// has no effect.
+    /// Checks that the current process opened this reader. In a forked child, a reader reads nothing and
+    /// dropping it has no effect.
     ///
     /// # Errors
-    /// Another process opened the reader.
+    /// The reader was opened by another process.
     pub fn check(&self) -> Result<(), OtherProcess> {
         self.source.check()
     }
 
-    /// Pins the newest value. Returns `true` if it differs from the previously pinned one.
+    /// Pins the newest value. Returns `true` if it is not the value that was already pinned.
     pub fn poll(&mut self) -> bool {
         if !self.source.is_own() {
             return false;
@@ -117,13 +117,13 @@ impl TopicReader {
         }
     }
 
-    /// Returns the time and publisher of the pinned value, or `None` before the first publication.
+    /// Returns the stamp of the pinned value, or `None` before the first publication.
     pub fn stamp(&self) -> Option<&Stamp> {
         self.pinned().map(|(stamp, _)| stamp)
     }
 
-    /// Returns the bytes of the pinned value in the [layout](Self::layout) of the topic; for a slice, all
-    /// consecutive elements.
+    /// Returns the bytes of the pinned value in the [layout](Self::layout) of the topic, or `None` before the
+    /// first publication. On a topic of slices, returns the bytes of all elements.
     pub fn bytes(&self) -> Option<&[u8]> {
         self.pinned().map(|(_, bytes)| bytes)
     }
@@ -131,15 +131,15 @@ impl TopicReader {
     /// Returns the pinned value as `T`, or `None` before the first publication.
     ///
     /// # Errors
-    /// The layout of the topic differs from `T`'s, the topic carries slices, or this process is a forked
-    /// child.
+    /// The layout of the topic differs from the layout of `T`, the topic contains slices, or this process is
+    /// a forked child.
     pub fn value<T: StateBuffer>(&self) -> Result<Option<&T>, PortError> {
         self.check().map_err(|error| refused(&self.topic.name, "reading a value")(&error))?;
         if self.known.get() != Some(TypeId::of::<T>()) {
             same_layout::<T>(&self.topic, "the reader")?;
             if matches!(self.topic.pattern, TopicPattern::Slices { .. }) {
                 return Err(refused(&self.topic.name, "reading a value")(
-                    &"it carries slices: read their bytes",
+                    &"the topic contains slices; read their bytes",
                 ));
             }
             self.known.set(Some(TypeId::of::<T>()));
@@ -149,7 +149,7 @@ impl TopicReader {
         Ok(self.bytes().map(|bytes| unsafe { &*bytes.as_ptr().cast::<T>() }))
     }
 
-    /// Releases the value read in the previous episode.
+    /// Releases the value that was read in the previous episode.
     pub(crate) fn begin_episode(&mut self) {
         match &mut *self.source {
             Source::State(reader) => reader.begin_episode(),

@@ -12,7 +12,7 @@ use crate::raw::{RawError, RawOutput};
 use crate::state::{Stamp, StateBuffer, TypeLayout};
 use crate::transport::{Connect, Output, OutputPlace, Participant, PortError, Tap};
 
-/// A copy of a topic's value, made when the session read it.
+/// A copy of a topic's value at the time when the session read it.
 ///
 /// ```
 /// # use motorium::session::Value;
@@ -23,13 +23,14 @@ use crate::transport::{Connect, Output, OutputPlace, Participant, PortError, Tap
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Value<T> {
-    /// Time and publisher of the value.
+    /// Stamp of the value: its sequence number, times and publisher.
     pub stamp: Stamp,
     /// Content of the value.
     pub value: T,
 }
 
-/// A writer of a topic in place of a component, at the time of the call to [`Session::writer`].
+/// A writer that publishes on a topic in place of a component. Values are stamped with the time of the call
+/// to [`Session::writer`].
 #[derive(Debug)]
 pub struct TopicWriter<'s> {
     output: &'s mut RawOutput,
@@ -43,8 +44,8 @@ impl TopicWriter<'_> {
         self.output.layout()
     }
 
-    /// Publishes a value in the [layout](Self::layout) of the topic. Components that it triggers step in the
-    /// next round.
+    /// Publishes a value in the [layout](Self::layout) of the topic. Components triggered by the topic step
+    /// in the next round.
     ///
     /// # Errors
     /// The value has the wrong size, a number is not finite, or a count exceeds its array.
@@ -52,11 +53,11 @@ impl TopicWriter<'_> {
         self.finish(|output| output.publish(bytes))
     }
 
-    /// Like [`publish`](Self::publish), with the time at which the value was measured, ns on the clock of
-    /// [`Session::stamp_ns`].
+    /// Publishes a value like [`publish`](Self::publish), with the time at which the value was measured, ns
+    /// on the clock of [`Session::stamp_ns`].
     ///
     /// # Errors
-    /// Same as [`publish`](Self::publish), or the time is more than 1 ms ahead.
+    /// Same as [`publish`](Self::publish), or the time is more than 1 ms in the future.
     pub fn publish_from(&mut self, bytes: &[u8], source_ns: u64) -> Result<(), SessionError> {
         self.finish(|output| output.publish_from(bytes, source_ns))
     }
@@ -76,15 +77,15 @@ impl TopicWriter<'_> {
     }
 }
 
-/// An output of any type, and the connection to be made before it is used.
+/// An output of any type, and the connection to establish before the output is used.
 type Opened = (Box<dyn Any>, Option<Rc<dyn Connect>>);
 
 impl Session<'_> {
     /// Returns a copy of the newest value of a topic in this episode, or `None` before the first publication.
-    /// For a stream, it is the newest value since the first call.
+    /// For a stream, only values after the first call are visible.
     ///
     /// # Errors
-    /// The topic does not exist, has a different type, or carries slices.
+    /// The topic does not exist, has a different type, or contains slices.
     pub fn read<T: StateBuffer>(&mut self, topic: &str) -> Result<Option<Value<T>>, SessionError> {
         let index = self.topic(topic)?;
         crate::transport::same_layout::<T>(&self.launch.plan().topics[index], "the session")?;
@@ -98,8 +99,8 @@ impl Session<'_> {
         Ok(value.zip(reader.stamp()).map(|(value, stamp)| Value { stamp: *stamp, value: *value }))
     }
 
-    /// Opens a reader of the newest value of a topic, in place and without knowing its type. It belongs to
-    /// the thread that opens it.
+    /// Opens a reader of the newest value of a topic, without copying and without knowing its type. The
+    /// reader must stay on the thread that opened it.
     ///
     /// ```no_run
     /// # use motorium::session::{Session, SessionError};
@@ -115,15 +116,15 @@ impl Session<'_> {
     /// ```
     ///
     /// # Errors
-    /// The graph has no such topic, or four programs read it from outside already.
+    /// The graph has no such topic, or four programs outside the graph already read it.
     pub fn reader(&self, topic: &str) -> Result<TopicReader, SessionError> {
         let index = self.topic(topic)?;
         let domain = self.launch.folder().domain().map_err(LaunchError::from)?;
         Ok(TopicReader::open(&domain, &self.launch.plan().topics[index])?)
     }
 
-    /// Opens a reader of every value of a topic from now on, in order. On a topic of slices, each value is
-    /// the bytes of all elements. It belongs to the thread that opens it.
+    /// Opens a reader of every value of a topic, in order, from now on. On a topic of slices, each value
+    /// consists of the bytes of all elements. The reader must stay on the thread that opened it.
     ///
     /// ```no_run
     /// # use motorium::session::{Session, SessionError};
@@ -137,16 +138,17 @@ impl Session<'_> {
     /// ```
     ///
     /// # Errors
-    /// The graph has no such topic, or four programs read it from outside already.
+    /// The graph has no such topic, or four programs outside the graph already read it.
     pub fn tap(&self, topic: &str) -> Result<Tap, SessionError> {
         let index = self.topic(topic)?;
         let domain = self.launch.folder().domain().map_err(LaunchError::from)?;
         Ok(Tap::open(&domain, &self.launch.plan().topics[index])?)
     }
 
-    /// Publishes a value in place of the component that writes the topic, at the current time of the run.
+    /// Publishes a value in place of the component that writes the topic, stamped with the current time of
+    /// the run.
     ///
-    /// Components that the topic triggers step in the next round.
+    /// Components triggered by the topic step in the next round.
     ///
     /// # Errors
     /// The session does not stand in for the writer of the topic ([`Options`](crate::launcher::Options)), the
@@ -155,9 +157,9 @@ impl Session<'_> {
         self.publish_at(topic, value, None)
     }
 
-    /// Like [`publish`](Self::publish), with the time at which the value was measured, received or recorded,
-    /// ns on the clock of [`stamp_ns`](Self::stamp_ns). Latencies and the ages of commands count from this
-    /// time.
+    /// Publishes a value like [`publish`](Self::publish), with the time at which it was measured, received or
+    /// recorded, ns on the clock of [`stamp_ns`](Self::stamp_ns). Latencies and the ages of commands count
+    /// from this time.
     ///
     /// ```no_run
     /// # use motorium::{session::{Session, SessionError}, state::PoseTarget};
@@ -169,7 +171,7 @@ impl Session<'_> {
     /// ```
     ///
     /// # Errors
-    /// Same as [`publish`](Self::publish), or the time is more than 1 ms ahead.
+    /// Same as [`publish`](Self::publish), or the time is more than 1 ms in the future.
     pub fn publish_from<T: StateBuffer>(
         &mut self,
         topic: &str,
@@ -179,8 +181,8 @@ impl Session<'_> {
         self.publish_at(topic, value, Some(source_ns))
     }
 
-    /// Opens a writer of a topic whose type is only known at run time, in place of the component that writes
-    /// it, at the current time of the run.
+    /// Opens a writer in place of the component that writes the topic. For topics whose type is only known at
+    /// run time. Values are stamped with the current time of the run.
     ///
     /// ```no_run
     /// # use motorium::session::{Session, SessionError};
@@ -194,7 +196,7 @@ impl Session<'_> {
     ///
     /// # Errors
     /// The session does not stand in for the writer of the topic ([`Options`](crate::launcher::Options)), the
-    /// topic is not a state, or it was already published as a typed value.
+    /// topic is not a state, or the session has already published a typed value on it.
     pub fn writer(&mut self, topic: &str) -> Result<TopicWriter<'_>, SessionError> {
         self.check_alive()?;
         let index = self.topic(topic)?;
@@ -211,7 +213,7 @@ impl Session<'_> {
         let (_, output, context) = &mut self.ports.writers[place];
         let output = output.downcast_mut::<RawOutput>().ok_or_else(|| SessionError::Topic {
             topic: topic.to_string(),
-            reason: "it was published as a type before".to_string(),
+            reason: "the session has already published a typed value on it".to_string(),
         })?;
         Ok(TopicWriter { output, context, now_ns })
     }
@@ -236,8 +238,8 @@ impl Session<'_> {
         let refused = |reason: String| SessionError::Topic { topic: topic.to_string(), reason };
         let (_, output, context) = &mut self.ports.writers[place];
         let output = output.downcast_mut::<Output<T>>();
-        let output =
-            output.ok_or_else(|| refused("it was published with another type before".to_string()))?;
+        let output = output
+            .ok_or_else(|| refused("the session has already published another type on it".to_string()))?;
         context.enter_new_episode();
         context.enter_step(now_ns, now_ns, u64::MAX);
         let sent = output.loan().and_then(|mut loan| {
@@ -311,6 +313,6 @@ impl Session<'_> {
 fn not_joined(topic: &TopicPlan) -> SessionError {
     SessionError::Topic {
         topic: topic.name.clone(),
-        reason: "the domain of the run was not joined".to_string(),
+        reason: "the session has not joined the domain of the run".to_string(),
     }
 }

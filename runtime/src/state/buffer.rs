@@ -6,18 +6,18 @@ use super::{Field, TypeLayout};
 
 /// A type that can be published on a topic.
 ///
-/// Implemented by [`state_buffer!`](crate::state_buffer), which checks the requirements of the trait: a fixed
-/// name, `#[repr(C)]`, and fields that are all [`Field`]s.
+/// Implemented by [`state_buffer!`](crate::state_buffer), which enforces the requirements: a permanent name,
+/// `#[repr(C)]`, and fields that are all [`Field`]s.
 pub trait StateBuffer: Field + ZeroCopySend {
     /// Name of the type for other languages and processes, such as `motorium.JointState`.
     const NAME: &'static str;
 
-    /// Returns the names, offsets and types of the fields.
+    /// Returns the layout of the type: names, offsets and types of the fields.
     fn layout() -> TypeLayout;
 }
 
 impl TypeLayout {
-    /// Returns the layout of a type.
+    /// Returns the layout of the state buffer `T`.
     pub fn of<T: StateBuffer>() -> Self {
         let mut fields = Vec::new();
         T::describe("", 0, &mut fields);
@@ -39,9 +39,9 @@ macro_rules! number {
 
 number!(f64, f32, u8, u16, u32, u64, i8, i16, i32, i64);
 
-/// Defines a state buffer.
+/// Defines a state buffer: a type that can be published on a topic.
 ///
-/// The fields may be numbers, arrays of numbers, or other state buffers. The type gets `Clone`, `Copy`,
+/// Each field is a number, an array of numbers, or another state buffer. The type implements `Clone`, `Copy`,
 /// `Debug`, `PartialEq`, `Default` (all zero) and [`StateBuffer`].
 ///
 /// ```

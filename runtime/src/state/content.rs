@@ -2,8 +2,8 @@
 
 use super::{Digest, TypeLayout};
 
-/// Validates the bytes of a state buffer by its layout, like [`Field::check`](super::Field::check) for types
-/// known at compile time.
+/// Validates the bytes of a state buffer by its layout. For types known at compile time, use
+/// [`Field::check`](super::Field::check).
 ///
 /// Numbers must be finite, and counts must not exceed their arrays; entries beyond a count are unused and
 /// ignored. Checking does not allocate.
@@ -27,12 +27,12 @@ pub struct ContentCheck {
 /// One field, for the check and the digest.
 #[derive(Debug, Clone, PartialEq, Eq)]
 struct Part {
-    /// Bytes from the start of the buffer.
+    /// Offset from the start of the buffer, bytes.
     offset: usize,
     number: Number,
-    /// Entries of the array; 1 for a single number.
+    /// Number of array entries; 1 for a single number.
     entries: usize,
-    /// Offset of the count of the entries in use, a `u32`; `None` if all are in use.
+    /// Offset of the `u32` that counts the entries in use; `None` if all are in use.
     count: Option<usize>,
 }
 
@@ -67,13 +67,13 @@ impl Number {
     }
 }
 
-/// A field of a layout has an unsupported type, or is not readable at its offset.
+/// Error of [`ContentCheck::new`]: a field has an unsupported type or exceeds the buffer.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("field `{field}` of {type_name} is {kind} at byte {offset}, which no state buffer has")]
+#[error("field `{field}` of {type_name} is {kind} at byte {offset}, expected numbers inside the buffer")]
 pub struct UnknownKind {
-    /// Type of the buffer.
+    /// Name of the buffer's type.
     pub type_name: String,
-    /// The field.
+    /// Name of the field.
     pub field: String,
     /// Type of the field in the layout.
     pub kind: String,
@@ -81,11 +81,12 @@ pub struct UnknownKind {
     pub offset: usize,
 }
 
-/// A defect found when checking a buffer against its layout. Owns no heap memory, for use on the hot path.
+/// A defect found when checking a buffer against its layout. Owns no heap memory, so it can be created on the
+/// hot path.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum ContentDefect {
-    /// The size of the buffer differs from its type's.
-    #[error("{found} bytes, but the type has {expected}")]
+    /// The size of the buffer differs from the size of its type.
+    #[error("the buffer has {found} bytes, expected {expected}")]
     Size {
         /// Number of bytes found.
         found: usize,
@@ -101,19 +102,19 @@ pub enum ContentDefect {
         index: usize,
     },
     /// A count exceeds its array.
-    #[error("{found} entries of field {field} are in use, but it has {capacity}")]
+    #[error("field {field} has {found} entries in use, expected at most {capacity}")]
     Count {
         /// Index of the array in [`TypeLayout::fields`].
         field: usize,
-        /// The count found.
+        /// Number of entries in use that the buffer claims.
         found: usize,
-        /// Number of entries of the array.
+        /// Number of entries that fit in the array.
         capacity: usize,
     },
 }
 
 impl ContentCheck {
-    /// Prepares the check of a layout.
+    /// Prepares the check of buffers with this layout.
     ///
     /// # Errors
     /// A field is neither a number nor an array of numbers, or exceeds the buffer.
@@ -142,7 +143,7 @@ impl ContentCheck {
         Ok(Self { size: layout.size, parts: parts.collect::<Result<_, _>>()? })
     }
 
-    /// Checks for content that must never reach a reader.
+    /// Checks the size of a buffer, that all numbers are finite, and that counts do not exceed their arrays.
     ///
     /// # Errors
     /// Returns the first defect, in field order.
@@ -162,10 +163,10 @@ impl ContentCheck {
         Ok(())
     }
 
-    /// Like [`check`](Self::check), for any number of consecutive elements of the layout.
+    /// Checks any number of consecutive buffers, like [`check`](Self::check).
     ///
     /// # Errors
-    /// Returns the first defect; its indices of field and entry are relative to the element.
+    /// Returns the first defect; field and entry are counted within the buffer that has the defect.
     pub fn check_all(&self, bytes: &[u8]) -> Result<(), ContentDefect> {
         if self.size == 0 || !bytes.len().is_multiple_of(self.size) {
             return Err(ContentDefect::Size { found: bytes.len(), expected: self.size });

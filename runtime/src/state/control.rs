@@ -14,9 +14,9 @@ crate::state_buffer! {
     /// Diagnostics of one step of an optimisation-based controller: task residuals, active constraints,
     /// relaxations and solver statistics.
     ///
-    /// `residual` has an entry for each task, in the order of the configuration. `constraint`, `index` and
-    /// `side` have one for each active constraint: its kind, the joint or contact point that it limits, and
-    /// the side of the limit.
+    /// `residual` has one entry per task, in the order of the configuration. `constraint`, `index` and `side`
+    /// have one entry per active constraint: its kind, the index of the joint or contact point that it
+    /// limits, and the side of the limit.
     ///
     /// ```
     /// use motorium::state::ControlDiagnostics;
@@ -33,15 +33,15 @@ crate::state_buffer! {
         active: u32,
         /// Outcome of the step: `SOLVED`, `RELAXED` or `UNSOLVED`.
         pub status: u32,
-        /// Iterations of the solver, in the first level.
+        /// Number of solver iterations in the first priority level.
         pub iterations: u32,
-        /// Number of levels below the first that remain undecided.
+        /// Number of priority levels below the first that remain unsolved.
         pub undecided: u32,
-        /// Number of active constraints, including those beyond the lists.
+        /// Number of active constraints, including those that do not fit in the lists.
         pub constraints: u32,
         /// Solver time, ns; 0 in lockstep, where repeated runs must publish identical values.
         pub solve_time: u64,
-        /// Largest violation of a contact's acceleration, m/s^2 or rad/s^2; 0 without relaxation.
+        /// Largest violation of a contact's acceleration constraint, m/s^2 or rad/s^2; 0 without relaxation.
         pub contact_slack: f64,
         /// Largest violation of a joint's acceleration limits, rad/s^2 or m/s^2; 0 without relaxation.
         pub joint_slack: f64,
@@ -53,33 +53,37 @@ crate::state_buffer! {
 }
 
 impl ControlDiagnostics {
-    /// All constraints are satisfied at minimum cost.
+    /// Status: all constraints are satisfied at minimum cost.
     pub const SOLVED: u32 = 1;
-    /// Constraints contradict each other, and some were relaxed; the lists contain the conflicting ones.
+    /// Status: constraints contradict one another, and some were relaxed. The lists contain the conflicting
+    /// constraints.
     pub const RELAXED: u32 = 2;
-    /// There is no solution; the lists contain the conflicting constraints, if any.
+    /// Status: there is no solution. The lists contain the conflicting constraints, if any.
     pub const UNSOLVED: u32 = 3;
 
-    /// Torque limit of the joint `index`.
+    /// Constraint: torque limit of the joint `index`.
     pub const TORQUE: u32 = 1;
-    /// Friction of the contact point `index`, counted over all contacts: four for a sole, one for any other.
+    /// Constraint: friction of the contact point `index`, counted over all contacts. A sole has four points,
+    /// any other contact one.
     pub const FRICTION: u32 = 2;
-    /// Normal force of the contact point `index`, in the same numbering: it would be negative (`LOWER`), or
-    /// is at its maximum (`UPPER`).
+    /// Constraint: normal force of the contact point `index`, counted as in [`FRICTION`](Self::FRICTION). The
+    /// force is at zero (`LOWER`) or at its maximum (`UPPER`).
     pub const FORCE: u32 = 3;
-    /// Position, velocity or acceleration limit of the joint `index`.
+    /// Constraint: position, velocity or acceleration limit of the joint `index`.
     pub const JOINT: u32 = 4;
-    /// Equation of motion of a floating base: force along x, y, z, then torque about them.
+    /// Constraint: equation of motion of a floating base. `index` 0 to 2 is the force along x, y, z, and 3 to
+    /// 5 the torque about them.
     pub const BASE: u32 = 5;
-    /// A contact at rest: `index` is six times the contact's index, plus 0 to 2 along x, y, z, or 3 to 5
-    /// about them.
+    /// Constraint: a contact that must not accelerate. `index` is six times the contact's index, plus 0 to 2
+    /// for motion along x, y, z, or 3 to 5 for rotation about them.
     pub const MOTION: u32 = 6;
-    /// Row `index` of the limits on linear combinations of velocities, in the order of the configuration.
+    /// Constraint: row `index` of the limits on linear combinations of velocities, in the order of the
+    /// configuration.
     pub const ROW: u32 = 7;
 
-    /// The lower limit.
+    /// Side: the lower limit.
     pub const LOWER: i32 = -1;
-    /// The upper limit.
+    /// Side: the upper limit.
     pub const UPPER: i32 = 1;
 
     /// Returns the number of tasks, at most [`MAX_TASKS`].
@@ -87,7 +91,7 @@ impl ControlDiagnostics {
         (self.count as usize).min(MAX_TASKS)
     }
 
-    /// Sets the number of tasks. New residuals keep their previous values.
+    /// Sets the number of tasks. Entries that come into use keep their old content.
     ///
     /// # Panics
     /// If `count` exceeds [`MAX_TASKS`].
@@ -96,18 +100,18 @@ impl ControlDiagnostics {
         self.count = count as u32;
     }
 
-    /// Returns `|A x - b|` of each task, in the units of the task.
+    /// Returns the residual `|A x - b|` of each task, in the units of the task.
     pub fn residual(&self) -> &[f64] {
         &self.residual[..self.count()]
     }
 
-    /// Returns `|A x - b|` of each task, to be written.
+    /// Returns mutable access to the residual `|A x - b|` of each task, in the units of the task.
     pub fn residual_mut(&mut self) -> &mut [f64] {
         let count = self.count();
         &mut self.residual[..count]
     }
 
-    /// Adds an active constraint. Constraints beyond [`MAX_ACTIVE`] are only counted.
+    /// Appends an active constraint. Beyond [`MAX_ACTIVE`], constraints are counted but not listed.
     pub fn push_active(&mut self, constraint: u32, index: usize, side: i32) {
         self.constraints = self.constraints.saturating_add(1);
         let place = self.active as usize;
@@ -129,17 +133,17 @@ impl ControlDiagnostics {
         (self.active as usize).min(MAX_ACTIVE)
     }
 
-    /// Returns the kinds of the active constraints.
+    /// Returns the kind of each active constraint, such as [`TORQUE`](Self::TORQUE).
     pub fn constraint(&self) -> &[u32] {
         &self.constraint[..self.listed()]
     }
 
-    /// Returns the joints or contact points of the active constraints.
+    /// Returns the index of the joint, contact point or row that each active constraint limits.
     pub fn index(&self) -> &[u32] {
         &self.index[..self.listed()]
     }
 
-    /// Returns the sides of the active constraints: `LOWER`, `UPPER`, or 0 for one-sided constraints.
+    /// Returns the side of each active constraint: `LOWER`, `UPPER`, or 0 for one-sided constraints.
     pub fn side(&self) -> &[i32] {
         &self.side[..self.listed()]
     }

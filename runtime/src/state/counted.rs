@@ -30,7 +30,7 @@ macro_rules! counted_buffer {
                 (self.count as usize).min($capacity)
             }
 
-            /// Sets the number of entries in use. New entries keep their previous values.
+            /// Sets the number of entries in use. Entries that come into use keep their old content.
             ///
             /// # Panics
             /// If `count` exceeds the capacity of the arrays; check sizes during configuration.

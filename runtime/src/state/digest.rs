@@ -2,7 +2,7 @@
 
 use twox_hash::xxhash3_64::{DEFAULT_SECRET_LENGTH, RawHasher, SecretBuffer};
 
-/// An incremental 64-bit digest (XXH3) of published content, equal for equal runs.
+/// An incremental 64-bit digest (XXH3) of published content. Equal runs have equal digests.
 pub struct Digest(RawHasher<&'static [u8; DEFAULT_SECRET_LENGTH]>);
 
 impl Default for Digest {
@@ -13,12 +13,12 @@ impl Default for Digest {
 }
 
 impl Digest {
-    /// Adds bytes.
+    /// Adds bytes to the digest.
     pub fn write(&mut self, bytes: &[u8]) {
         core::hash::Hasher::write(&mut self.0, bytes);
     }
 
-    /// Adds an integer.
+    /// Adds an integer to the digest.
     pub fn write_u64(&mut self, value: u64) {
         self.write(&value.to_le_bytes());
     }

@@ -13,7 +13,7 @@ crate::state_buffer! {
     /// assert!(!EmergencyStop::default().is_pressed());
     /// ```
     pub struct EmergencyStop as "motorium.EmergencyStop" {
-        /// Stops if not 0.
+        /// Any value other than 0 stops the robot.
         pub stop: u64,
     }
 }

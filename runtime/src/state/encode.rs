@@ -4,57 +4,58 @@ use super::decode::{PADDING, Scalar, parse};
 use super::{ContentCheck, FieldLayout, TypeLayout};
 use crate::nearest::suggest;
 
-/// The text is not a value of the type. Every error names the field and the expected form.
+/// Error of [`encode`]: the text is not a value of the type. The message names the field and the expected
+/// form.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum EncodeError {
     /// A part does not have the form `field=value`.
     #[error("`{0}` is not of the form field=value, such as position=[0.4, 0.0, 0.3]")]
     Form(String),
-    /// The type has no such field.
+    /// The type has no field with this name.
     #[error("{type_name} has no field `{field}`; {advice}")]
     Field {
-        /// The type.
+        /// Name of the type.
         type_name: String,
-        /// Name found in the text.
+        /// Field name found in the text.
         field: String,
-        /// The most similar field, or all fields.
+        /// Suggestion: the most similar field, or all fields.
         advice: String,
     },
     /// A field occurs twice.
     #[error("`{0}` is given twice")]
     Twice(String),
-    /// The value has the wrong type.
-    #[error("`{field}` is {found}, expected {kind}{}", if kind.starts_with('f') { ", finite" } else { "" })]
+    /// The value is not a number of the field's type, or not finite.
+    #[error("`{field}` is {found}, expected {}{kind}", if kind.starts_with('f') { "a finite " } else { "" })]
     Number {
-        /// The field.
+        /// Name of the field.
         field: String,
         /// Text of the value.
         found: String,
-        /// Its type, such as `f64`.
+        /// Type of the field, such as `f64`.
         kind: String,
     },
     /// A number was given for an array, or an array for a number.
-    #[error("`{field}` is {kind}, written as {form}")]
+    #[error("`{field}` has the type {kind}; write {form}")]
     Shape {
-        /// The field.
+        /// Name of the field.
         field: String,
-        /// Its type.
+        /// Type of the field.
         kind: String,
-        /// An example.
+        /// Expected form, with an example.
         form: &'static str,
     },
     /// The array has the wrong length.
     #[error("`{field}` has {found} entries, expected {expected}")]
     Length {
-        /// The field.
+        /// Name of the field.
         field: String,
         /// Number of entries found.
         found: usize,
         /// Expected number of entries.
         expected: String,
     },
-    /// The layout cannot be written as text.
-    #[error("values of {0} cannot be written as text")]
+    /// The layout has a field for which no text form exists.
+    #[error("{0} has a field that cannot be written as text, expected only numbers and arrays of numbers")]
     Layout(String),
 }
 
@@ -253,10 +254,10 @@ mod tests {
             ),
             ("positon=[1]", "motorium.PoseTarget has no field `positon`; did you mean `position`?"),
             ("position=[1, 2]", "`position` has 2 entries, expected 3"),
-            ("position=[1, x, 3]", "`position` is x, expected f64, finite"),
-            ("position=[1, nan, 3]", "`position` is nan, expected f64, finite"),
-            ("position=1", "`position` is [f64; 3], written as a list of numbers, such as [0.0, 1.0]"),
-            ("goal=[1]", "`goal` is u64, written as one number, such as 1"),
+            ("position=[1, x, 3]", "`position` is x, expected a finite f64"),
+            ("position=[1, nan, 3]", "`position` is nan, expected a finite f64"),
+            ("position=1", "`position` has the type [f64; 3]; write a list of numbers, such as [0.0, 1.0]"),
+            ("goal=[1]", "`goal` has the type u64; write one number, such as 1"),
             ("goal=-1", "`goal` is -1, expected u64"),
             ("goal=1.5", "`goal` is 1.5, expected u64"),
             ("goal=1 goal=2", "`goal` is given twice"),

@@ -8,34 +8,35 @@ use super::{Digest, FieldLayout};
 /// Number of bytes written before they are checked; fits the L1 cache.
 const PART: usize = 8 * 1024;
 
-/// A value that may be part of a state buffer.
+/// A type that can be a field of a state buffer: a number, an array, or another state buffer.
 ///
 /// # Safety
 /// The type must be valid for every bit pattern, contain no pointer or reference, and not need `Drop`.
 /// `describe` must report every field at its true offset. A type whose `NUMBERS` are not
 /// [`Mixed`](Numbers::Mixed) must consist of these numbers only, without padding.
 pub unsafe trait Field: Copy + core::fmt::Debug + 'static {
-    /// The value whose bytes are all zero.
+    /// Value with all bytes zero.
     const ZERO: Self;
 
-    /// Kind of the numbers it consists of.
+    /// Type of the numbers that the value consists of.
     const NUMBERS: Numbers = Numbers::Mixed;
 
-    /// Appends the layout of this field (or of its parts) under the name `prefix`, at `offset` bytes.
+    /// Appends the layout of the field, or of each of its fields, to `out`. `prefix` is the name of the field
+    /// and `offset` its offset, bytes.
     fn describe(prefix: &str, offset: usize, out: &mut Vec<FieldLayout>);
 
-    /// Checks for content that must never reach a reader: a number that is not finite, or a count beyond its
-    /// capacity.
+    /// Checks that all numbers are finite and that counts do not exceed their arrays.
     fn check(&self) -> Result<(), Defect>;
 
-    /// Like [`check`](Self::check), except for the part that was checked while it was written.
+    /// Checks the value like [`check`](Self::check), but skips the numbers that were checked while they were
+    /// written.
     #[inline]
     fn check_rest(&self, checked: &Checked) -> Result<(), Defect> {
         let _ = checked;
         self.check()
     }
 
-    /// Like [`check`](Self::check), for many consecutive values.
+    /// Checks consecutive values like [`check`](Self::check).
     fn check_all(values: &[Self]) -> Result<(), Defect> {
         if are_plainly_finite(values) {
             return Ok(());
@@ -51,8 +52,8 @@ pub unsafe trait Field: Copy + core::fmt::Debug + 'static {
         Ok(())
     }
 
-    /// Writes values to consecutive places until either runs out, and checks each value while it is in
-    /// registers. Returns the number of written values, and `true` if all of them are valid.
+    /// Writes values to consecutive places until one of the two runs out, and checks each value while it is
+    /// in registers. Returns the number of values written, and `true` if all of them are valid.
     fn write_checked(places: &mut [Self], values: impl Iterator<Item = Self>) -> (usize, bool) {
         let (mut values, mut count) = (values, 0);
         for part in places.chunks_mut((PART / size_of::<Self>().max(1)).max(1)) {
@@ -71,17 +72,17 @@ pub unsafe trait Field: Copy + core::fmt::Debug + 'static {
         (count, true)
     }
 
-    /// Feeds the meaningful content (not the unused part of a buffer) to a digest.
+    /// Adds the meaningful content to a digest, without the unused entries of a buffer.
     fn digest(&self, digest: &mut Digest);
 
-    /// Like [`digest`](Self::digest), for many consecutive values.
+    /// Adds consecutive values to a digest, like [`digest`](Self::digest).
     fn digest_all(values: &[Self], digest: &mut Digest) {
         values.iter().for_each(|value| value.digest(digest));
     }
 }
 
-/// Returns `true` if all values are known to be finite; `false` if they are not, or must be checked
-/// individually.
+/// Returns `true` if all values are known to be finite; `false` if a value is not finite or the values must
+/// be checked one by one.
 #[inline]
 fn are_plainly_finite<T: Field>(values: &[T]) -> bool {
     let bytes = size_of_val(values);
@@ -97,7 +98,7 @@ fn are_plainly_finite<T: Field>(values: &[T]) -> bool {
     }
 }
 
-/// A part of a value whose numbers were found finite while being written.
+/// Address range of numbers that were found finite while they were written.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Checked {
     /// Addresses of the first byte and one past the last; empty if equal.
@@ -108,8 +109,7 @@ pub struct Checked {
 }
 
 impl Checked {
-    /// Returns the part covered by these values; empty unless they consist of one kind of floating-point
-    /// numbers.
+    /// Returns the address range of these values; empty unless they consist only of `f64` or only of `f32`.
     pub(crate) fn from_values<T: Field>(values: &[T]) -> Self {
         let from = values.as_ptr().addr();
         match T::NUMBERS {
@@ -120,13 +120,13 @@ impl Checked {
         }
     }
 
-    /// Returns `true` if the part is empty.
+    /// Returns `true` if the range is empty.
     #[inline]
     pub fn is_empty(&self) -> bool {
         self.from == self.to
     }
 
-    /// Returns `true` if these values are within the part.
+    /// Returns `true` if the range contains all of these values.
     #[inline]
     pub fn covers<T: Field>(&self, values: &[T]) -> bool {
         let asked = Self::from_values(values);
@@ -140,7 +140,7 @@ pub enum Defect {
     /// A number is NaN or infinite.
     #[error("`{field}`[{index}] is {value}, not a finite number")]
     NotFinite {
-        /// The field's name.
+        /// Name of the field.
         field: &'static str,
         /// Index in an array, otherwise 0.
         index: usize,
@@ -150,9 +150,9 @@ pub enum Defect {
     /// A count exceeds its array.
     #[error("`{field}` counts {found} entries, but the buffer holds at most {capacity}")]
     Count {
-        /// The field's name.
+        /// Name of the field.
         field: &'static str,
-        /// The count found.
+        /// Value of the count.
         found: usize,
         /// The largest valid count.
         capacity: usize,
@@ -160,7 +160,7 @@ pub enum Defect {
 }
 
 impl Defect {
-    /// Sets the name of the field with the defect; the innermost name wins.
+    /// Sets the name of the field that has the defect, unless a nested field has already set it.
     #[must_use]
     pub fn inside(self, name: &'static str) -> Self {
         match self {

@@ -87,7 +87,7 @@ pub(super) fn write<F: Float>(places: &mut [F], values: impl Iterator<Item = F>)
     (count, bits == F::Bits::default())
 }
 
-/// Kind of the numbers that a value consists of.
+/// Type of the numbers that a value consists of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Numbers {
     /// `f64` only, without padding.
@@ -96,12 +96,13 @@ pub enum Numbers {
     Single,
     /// Integers only: any content is valid.
     Whole,
-    /// Several kinds, or entries that are only valid up to a count.
+    /// Several types, or entries that are only valid up to a count.
     Mixed,
 }
 
 impl Numbers {
-    /// Combines the numbers of the parts of a value.
+    /// Combines the number types of the parts of a value: the common type if all are equal, otherwise
+    /// [`Mixed`](Self::Mixed).
     ///
     /// ```
     /// use motorium::state::Numbers;

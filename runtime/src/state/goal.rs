@@ -7,12 +7,12 @@ use core::fmt::{Display, Write};
 use super::MAX_JOINTS;
 use super::counted::counted_buffer;
 
-/// Maximum length of the text of a [`GoalStatus`], bytes.
+/// Maximum length of the text in a [`GoalStatus`], bytes.
 pub const MAX_GOAL_TEXT: usize = 256;
 
 counted_buffer! {
-    /// A goal for a robot's joints: a pose of its end effector, positions of joints, or both. All other
-    /// joints keep their previous goal.
+    /// A goal for a robot's joints: a pose of its end effector, joint positions, or both. Joints without a
+    /// new position keep their previous goal.
     ///
     /// ```
     /// use motorium::state::MotionGoal;
@@ -25,35 +25,37 @@ counted_buffer! {
     /// ```
     pub struct MotionGoal as "motorium.MotionGoal", at most MAX_JOINTS {
         plain {
-            /// Number of the goal assigned by its sender, repeated in [`GoalStatus`]. Sending a goal again
-            /// without a change has no effect.
+            /// Number assigned by the sender of the goal and repeated in [`GoalStatus`]. An unchanged goal
+            /// that is sent again has no effect.
             number: u64;
-            /// 1 if `position` is given, else 0.
+            /// 1 if `position` is set, else 0.
             has_position: u64;
             /// Position of the end effector in the world, m.
             position: [f64; 3];
             /// Orientation of the end effector in the world as a unit quaternion, x y z w. All zero keeps the
             /// orientation of the previous goal.
             orientation: [f64; 4];
-            /// Bit `k`: joint `k` has a position. 0: all `count` joints have one.
+            /// Bit mask of the joints that have a position: bit `k` stands for joint `k`. 0 means that all
+            /// `count` joints have one.
             joints: u64;
-            /// Duration of the motion, s; longer if the limits require it. 0: the shortest.
+            /// Duration of the motion, s; extended if the limits require it. 0 requests the shortest
+            /// duration.
             duration: f64;
         }
         counted {
-            /// Positions of joints in the order of the model's `q`, rad or m.
+            /// Joint positions in the order of the model's `q`, rad or m.
             joint, joint_mut: f64;
         }
     }
 }
 
 impl MotionGoal {
-    /// Creates an empty goal with a number.
+    /// Creates a goal with this number and without any position.
     pub fn new(number: u64) -> Self {
         Self { number, ..Self::default() }
     }
 
-    /// Sets the position of the end effector, m.
+    /// Sets the position of the end effector in the world, m.
     pub fn set_position(&mut self, position: [f64; 3]) {
         (self.has_position, self.position) = (1, position);
     }
@@ -68,7 +70,7 @@ impl MotionGoal {
         self.joints |= 1 << index;
     }
 
-    /// Returns the position of a joint, rad or m; `None` if the goal has none for it.
+    /// Returns the position of a joint, rad or m; `None` if the goal does not set it.
     pub fn joint_at(&self, index: usize) -> Option<f64> {
         self.joint().get(index).copied().filter(|_| self.joints == 0 || self.joints >> index & 1 == 1)
     }
@@ -80,7 +82,7 @@ impl MotionGoal {
 }
 
 counted_buffer! {
-    /// Progress of the newest [`MotionGoal`] of a policy.
+    /// Progress of the policy towards its newest [`MotionGoal`].
     ///
     /// ```
     /// use motorium::state::{GoalState, GoalStatus};
@@ -91,19 +93,20 @@ counted_buffer! {
     /// ```
     pub struct GoalStatus as "motorium.GoalStatus", at most MAX_GOAL_TEXT {
         plain {
-            /// `number` of the goal.
+            /// Number of the goal, as in [`MotionGoal`].
             goal: u64;
-            /// Its [`GoalState`], by number.
+            /// State of the goal: the number of a [`GoalState`].
             state: u64;
-            /// Fraction of the motion that is complete, by time: 0 to 1.
+            /// Completed fraction of the motion's duration, 0 to 1.
             progress: f64;
-            /// Time to the end of the motion, s.
+            /// Remaining duration of the motion, s.
             remaining: f64;
-            /// At the end, the largest distance of a measured joint from its goal, rad or m.
+            /// Largest distance of a measured joint position from its goal at the end of the motion, rad or
+            /// m.
             error: f64;
         }
         counted {
-            /// The reason why the goal was refused or missed, in UTF-8.
+            /// Reason why the goal was refused or missed, in UTF-8.
             text, text_mut: u8;
         }
     }
@@ -117,9 +120,9 @@ pub enum GoalState {
     Idle = 0,
     /// The policy searches for joint positions that reach the pose; the previous motion continues.
     Planning = 1,
-    /// The joints move to the goal, or brake before they do.
+    /// The joints move to the goal, or brake before the motion to it starts.
     Moving = 2,
-    /// Every joint is within the tolerance of the goal.
+    /// Every joint is within the tolerance around its goal.
     Reached = 3,
     /// The goal is invalid or out of reach; the previous motion continues.
     Refused = 4,
@@ -128,12 +131,12 @@ pub enum GoalState {
 }
 
 impl GoalStatus {
-    /// Creates the status of a goal.
+    /// Creates the status of the goal with this number, without progress and text.
     pub fn new(goal: u64, state: GoalState) -> Self {
         Self { goal, state: state as u64, ..Self::default() }
     }
 
-    /// Returns the state of the goal; `None` for an unknown number.
+    /// Returns the state of the goal; `None` if `state` is not the number of a [`GoalState`].
     pub fn goal_state(&self) -> Option<GoalState> {
         use GoalState::{Idle, Missed, Moving, Planning, Reached, Refused};
         [Idle, Planning, Moving, Reached, Refused, Missed]
@@ -141,14 +144,14 @@ impl GoalStatus {
             .find(|state| *state as u64 == self.state)
     }
 
-    /// Sets the text, cut after the last character that fits. Does not allocate.
+    /// Sets the text, truncated after the last character that fits. Does not allocate.
     pub fn set_text(&mut self, text: impl Display) {
         self.set_count(0);
         // the only error is that the text was cut
         let _ = write!(Tail(self), "{text}");
     }
 
-    /// Returns the text, up to the first byte that is not UTF-8.
+    /// Returns the text up to the first byte that is not valid UTF-8.
     pub fn as_str(&self) -> &str {
         super::people::valid(self.text())
     }

@@ -2,8 +2,8 @@
 
 use super::TypeLayout;
 
-/// Parts of a slot that are in use. A joint state has capacity for 64 joints; with 8 joints, the cache lines
-/// of the other 56 are not prefetched and evict nothing.
+/// Address ranges of a slot that are in use and worth prefetching. A joint state has capacity for 64 joints;
+/// with 8 joints, the cache lines of the other 56 are not prefetched and evict nothing.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct InUse(Box<[Part]>);
 
@@ -26,7 +26,8 @@ struct Counted {
 }
 
 impl InUse {
-    /// Maximum number of prefetched bytes; in longer values the hardware prefetcher detects the pattern.
+    /// Maximum number of prefetched bytes. For longer values the hardware prefetcher detects the access
+    /// pattern.
     pub(crate) const MOST: usize = 1024;
 
     /// Returns the parts of a slot whose value has this layout and starts at offset `value`.

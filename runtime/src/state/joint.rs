@@ -12,7 +12,7 @@ crate::state_buffer! {
     @layout
     /// Positions, velocities and efforts of a robot's joints, in the order of its model's `q`.
     ///
-    /// Only the first `count` entries are in use; the accessors exclude the others.
+    /// Only the first `count` entries are in use. The accessors return these entries only.
     pub struct JointState as "motorium.JointState" {
         count: u32,
         reserved: u32,
@@ -48,7 +48,7 @@ macro_rules! joint_buffer {
                 (self.count as usize).min(MAX_JOINTS)
             }
 
-            /// Sets the number of joints. New entries keep their previous values.
+            /// Sets the number of joints. Entries that come into use keep their old content.
             ///
             /// # Panics
             /// If `count` exceeds [`MAX_JOINTS`]; check a model's size during configuration.
@@ -102,23 +102,23 @@ macro_rules! joint_buffer {
 }
 
 joint_buffer!(JointState {
-    /// Joint positions `q`: rad, or m for a prismatic joint.
+    /// Joint positions `q`, rad; m for a prismatic joint.
     position, position_mut;
-    /// Joint velocities `v`: rad/s or m/s.
+    /// Joint velocities `v`, rad/s or m/s.
     velocity, velocity_mut;
-    /// Joint efforts `tau`: N m or N.
+    /// Joint efforts `tau`, N m or N.
     effort, effort_mut;
 });
 
 joint_buffer!(JointCommand {
-    /// Position setpoints: rad or m.
+    /// Position setpoints, rad or m.
     position, position_mut;
-    /// Velocity setpoints: rad/s or m/s.
+    /// Velocity setpoints, rad/s or m/s.
     velocity, velocity_mut;
-    /// Feed-forward efforts: N m or N.
+    /// Feed-forward efforts, N m or N.
     effort, effort_mut;
-    /// Proportional gains: N m/rad or N/m.
+    /// Proportional gains, N m/rad or N/m.
     kp, kp_mut;
-    /// Derivative gains: N m s/rad or N s/m.
+    /// Derivative gains, N m s/rad or N s/m.
     kd, kd_mut;
 });

@@ -11,13 +11,14 @@ use super::Digest;
 pub struct FieldLayout {
     /// Dotted path of the field.
     pub name: String,
-    /// Bytes from the start of the buffer.
+    /// Offset from the start of the buffer, bytes.
     pub offset: usize,
     /// Type: a primitive such as `f64`, or an array such as `[f64; 64]`.
     pub kind: String,
-    /// Bytes it takes.
+    /// Size of the field, bytes.
     pub size: usize,
-    /// Name of the `u32` field that counts the entries in use of this array; without it all are in use.
+    /// Name of the `u32` field that counts the entries of this array in use; `None` if all entries are in
+    /// use.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub count: Option<String>,
 }
@@ -28,12 +29,12 @@ impl FieldLayout {
     }
 }
 
-/// Layout of a state buffer, readable by tools that do not know the type.
+/// Layout of a state buffer, which tools can read without knowing the type.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct TypeLayout {
-    /// The type's fixed name.
+    /// Permanent name of the type.
     pub type_name: String,
-    /// Bytes of the whole buffer.
+    /// Size of the whole buffer, bytes.
     pub size: usize,
     /// Alignment, bytes.
     pub alignment: usize,
@@ -42,25 +43,28 @@ pub struct TypeLayout {
 }
 
 impl TypeLayout {
-    /// Returns the layout of an input that reads topics of any type; see [`is_any`](Self::is_any).
+    /// Returns a placeholder layout for an input that accepts topics of any type; see
+    /// [`is_any`](Self::is_any).
     pub fn any() -> Self {
         Self { type_name: "any type".to_string(), size: 0, alignment: 1, fields: Vec::new() }
     }
 
-    /// Returns `true` if this is a placeholder for the type that the writer of the topic declares.
+    /// Returns `true` if this is the placeholder of [`any`](Self::any). The layout declared by the topic's
+    /// writer applies instead.
     pub fn is_any(&self) -> bool {
         self.size == 0 && self.fields.is_empty()
     }
 
     /// Returns a hash of the type's name and of the names, offsets and types of all fields, as 16 hexadecimal
-    /// digits.
+    /// digits. Equal layouts have equal hashes.
     pub fn hash(&self) -> String {
         let mut digest = Digest::default();
         digest.write(self.to_string().as_bytes());
         format!("{:016x}", digest.finish())
     }
 
-    /// Formats both layouts side by side with the differing lines marked, for an error message.
+    /// Formats two layouts side by side for an error message, with differing lines marked `!`. `mine` and
+    /// `theirs` are the column titles.
     pub fn difference(&self, mine: &str, other: &Self, theirs: &str) -> String {
         let (left, right) = (self.to_string(), other.to_string());
         let width = left.lines().map(str::len).max().unwrap_or(0).max(mine.len());

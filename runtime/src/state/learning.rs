@@ -12,11 +12,11 @@ pub const MAX_OBSERVATION: usize = 512;
 pub const MAX_ACTION: usize = 64;
 /// Maximum number of values in an [`ActionChunk`].
 pub const MAX_CHUNK: usize = 4096;
-/// Maximum number of values in a [`Randomisation`].
+/// Maximum number of sampled values in a [`Randomisation`].
 pub const MAX_DRAWN: usize = 512;
 
 counted_buffer! {
-    /// A block of parameters of a model: all of them, or one of several blocks.
+    /// A block of model parameters, such as network weights. A large model is split into several blocks.
     ///
     /// ```
     /// use motorium::state::Weights;
@@ -29,11 +29,12 @@ counted_buffer! {
     /// ```
     pub struct Weights as "motorium.Weights", at most MAX_WEIGHTS {
         plain {
-            /// Increases with each change; all blocks of one version belong together.
+            /// Version of the weights, which increases with each change. Blocks with equal versions belong
+            /// together.
             version: u64;
-            /// Index of this block.
+            /// Index of this block, from 0.
             block: u32;
-            /// Number of blocks.
+            /// Number of blocks of the model.
             blocks: u32;
         }
         counted {
@@ -62,7 +63,7 @@ counted_buffer! {
             step: u64;
         }
         counted {
-            /// The numbers, in the order and units of the task.
+            /// Observed values, in the order and units of the task.
             value, value_mut: f64;
         }
     }
@@ -82,13 +83,13 @@ counted_buffer! {
     /// ```
     pub struct Action as "motorium.Action", at most MAX_ACTION {
         plain {
-            /// Index of the episode of the answered observation.
+            /// Index of the episode, copied from the observation that this action answers.
             episode: u64;
-            /// Index of the step of that observation.
+            /// Index of the step, copied from the observation that this action answers.
             step: u64;
         }
         counted {
-            /// The numbers, in the order and units of the task.
+            /// Action values, in the order and units of the task.
             value, value_mut: f64;
         }
     }
@@ -97,7 +98,7 @@ counted_buffer! {
 counted_buffer! {
     /// Consecutive actions of an agent that plans ahead, such as a diffusion policy.
     ///
-    /// Action `k` is for the time `time + k period`; its numbers are `value[k width..][..width]`.
+    /// Action `k` applies at the time `time + k * period`. Its values are `value[k * width..][..width]`.
     ///
     /// ```
     /// use motorium::state::ActionChunk;
@@ -115,22 +116,23 @@ counted_buffer! {
             /// `state_time` of the observation that the chunk answers. 0: the time at which the chunk is
             /// published.
             time: u64;
-            /// Time between two actions, ns, above 0.
+            /// Time between two actions, ns. Must be above 0.
             period: u64;
-            /// Numbers of each action, above 0; `count` is a multiple.
+            /// Number of values per action, above 0. `count` is a multiple of it.
             width: u64;
-            /// Number of the chunk at its producer. The same chunk sent again has the same number.
+            /// Sequence number of the chunk, assigned by its producer. A chunk that is sent again keeps its
+            /// number.
             sequence: u64;
         }
         counted {
-            /// The numbers, action after action, in the order and units of the policy.
+            /// Values of all actions, one action after another, in the order and units of the policy.
             value, value_mut: f64;
         }
     }
 }
 
 crate::state_buffer! {
-    /// The reward of one step, and the end of an episode.
+    /// Reward of one step, with flags for the end of the episode.
     ///
     /// ```
     /// use motorium::state::Reward;
@@ -144,24 +146,26 @@ crate::state_buffer! {
         pub step: u64,
         /// Reward of this step, in the unit of the task.
         pub reward: f64,
-        /// Sum of the rewards of the episode so far.
+        /// Sum of all rewards of the episode so far, in the unit of the task.
         pub total: f64,
-        /// 1 if the task reached a terminal state, so that no further reward is possible.
+        /// 1 if the task reached a terminal state, from which no further reward is possible; else 0.
         pub terminal: u64,
-        /// 1 if the episode was cut off, for example by a time limit.
+        /// 1 if the episode was cut off, for example by a time limit; else 0.
         pub truncated: u64,
     }
 }
 
 impl Reward {
-    /// Returns `true` if this is the last step of its episode.
+    /// Returns `true` if this is the last step of its episode: terminal or truncated.
     pub fn is_last(&self) -> bool {
         self.terminal != 0 || self.truncated != 0
     }
 }
 
 counted_buffer! {
-    /// Properties sampled by a simulation or a sensor for an episode, or within it, each with its part.
+    /// Properties that a simulation or a sensor randomised, at the start of an episode or during it.
+    ///
+    /// Each entry names the property, the body, joint or object that has it, and the sampled value.
     ///
     /// ```
     /// use motorium::state::Randomisation;
@@ -177,15 +181,16 @@ counted_buffer! {
         plain {
             /// Index of the episode.
             episode: u64;
-            /// Seed of the component in this episode; equal seeds sample equal numbers.
+            /// Seed of the component in this episode. Equal seeds sample equal values.
             seed: u64;
         }
         counted {
-            /// Property: one of the constants of this type.
+            /// Randomised property: one of the constants of this type.
             property, property_mut: u32;
-            /// The body, joint or object that it belongs to, by its index in the robot or the world; else 0.
+            /// Index of the body, joint or object that has the property, in the robot or the world; 0 if not
+            /// applicable.
             part, part_mut: u32;
-            /// The sampled value: a factor, a coefficient, a displacement in m or rad, a time in s, or a
+            /// Sampled value: a scale factor, a coefficient, a displacement in m or rad, a time in s, or a
             /// seed.
             value, value_mut: f64;
         }
@@ -193,78 +198,78 @@ counted_buffer! {
 }
 
 impl Randomisation {
-    /// Factor on the acceleration of free fall.
+    /// Scale factor of the gravitational acceleration.
     pub const GRAVITY: u32 = 1;
-    /// Coefficient of friction of the ground or the terrain.
+    /// Friction coefficient of the ground or the terrain.
     pub const GROUND_FRICTION: u32 = 2;
-    /// Restitution of the ground or the terrain.
+    /// Coefficient of restitution of the ground or the terrain.
     pub const GROUND_RESTITUTION: u32 = 3;
-    /// Factor on the mass and the inertia of a body of the robot; of its base where the part is
-    /// [`BASE`](Self::BASE).
+    /// Scale factor of the mass and inertia of one body of the robot. The part [`BASE`](Self::BASE) stands
+    /// for the base.
     pub const BODY_MASS: u32 = 4;
-    /// Coefficient of friction of the robot's surface.
+    /// Friction coefficient of the robot's surface.
     pub const FRICTION: u32 = 5;
-    /// Restitution of the robot's surface.
+    /// Coefficient of restitution of the robot's surface.
     pub const RESTITUTION: u32 = 6;
-    /// Factor on the viscous damping of a joint.
+    /// Scale factor of a joint's viscous damping.
     pub const DAMPING: u32 = 7;
-    /// Factor on the Coulomb friction of a joint.
+    /// Scale factor of a joint's Coulomb friction.
     pub const JOINT_FRICTION: u32 = 8;
-    /// Factor on the largest effort of a joint.
+    /// Scale factor of a joint's effort limit.
     pub const EFFORT_LIMIT: u32 = 9;
     /// Offset of a joint's initial position, rad or m.
     pub const START: u32 = 10;
-    /// Initial displacement of a floating base along x of the world, m.
+    /// Initial displacement of a floating base along the world's x axis, m.
     pub const BASE_X: u32 = 11;
-    /// Initial displacement of a floating base along y of the world, m.
+    /// Initial displacement of a floating base along the world's y axis, m.
     pub const BASE_Y: u32 = 12;
-    /// Initial displacement of a floating base along z of the world, m.
+    /// Initial displacement of a floating base along the world's z axis, m.
     pub const BASE_Z: u32 = 13;
-    /// Initial rotation of a floating base about z of the world, rad.
+    /// Initial rotation of a floating base about the world's z axis, rad.
     pub const BASE_YAW: u32 = 14;
-    /// Factor on the mass and the inertia of an object.
+    /// Scale factor of an object's mass and inertia.
     pub const OBJECT_MASS: u32 = 15;
-    /// Coefficient of friction of an object.
+    /// Friction coefficient of an object.
     pub const OBJECT_FRICTION: u32 = 16;
-    /// Restitution of an object.
+    /// Coefficient of restitution of an object.
     pub const OBJECT_RESTITUTION: u32 = 17;
-    /// Initial displacement of an object along x of the world, m.
+    /// Initial displacement of an object along the world's x axis, m.
     pub const OBJECT_X: u32 = 18;
-    /// Initial displacement of an object along y of the world, m.
+    /// Initial displacement of an object along the world's y axis, m.
     pub const OBJECT_Y: u32 = 19;
-    /// Initial displacement of an object along z of the world, m.
+    /// Initial displacement of an object along the world's z axis, m.
     pub const OBJECT_Z: u32 = 20;
-    /// Initial rotation of an object about z of the world, rad.
+    /// Initial rotation of an object about the world's z axis, rad.
     pub const OBJECT_YAW: u32 = 21;
-    /// Factor on the noise of a sensor.
+    /// Scale factor of a sensor's noise.
     pub const SENSOR_NOISE: u32 = 22;
-    /// Factor on the bias of a sensor.
+    /// Scale factor of a sensor's bias.
     pub const SENSOR_BIAS: u32 = 23;
     /// Latency of a sensor, s.
     pub const SENSOR_LATENCY: u32 = 24;
     /// Seed of the terrain.
     pub const TERRAIN_SEED: u32 = 25;
-    /// Factor on the heights of the terrain.
+    /// Scale factor of the terrain's heights.
     pub const TERRAIN_SCALE: u32 = 26;
-    /// Factor on the commanded stiffness and damping of a joint.
+    /// Scale factor of a joint's commanded stiffness and damping.
     pub const ACTUATOR_GAIN: u32 = 27;
-    /// Factor on all efforts of a joint's drive.
+    /// Scale factor of all efforts of a joint's drive.
     pub const ACTUATOR_STRENGTH: u32 = 28;
-    /// Factor on the delay of a joint's actuator.
+    /// Scale factor of the delay of a joint's actuator.
     pub const ACTUATOR_DELAY: u32 = 29;
-    /// Factor on the lag of a joint's actuator.
+    /// Scale factor of the lag of a joint's actuator.
     pub const ACTUATOR_LAG: u32 = 30;
-    /// Factor on the effort rate limit of a joint's actuator.
+    /// Scale factor of the effort rate limit of a joint's actuator.
     pub const ACTUATOR_RATE_LIMIT: u32 = 31;
-    /// Factor on the backlash of a joint's drivetrain.
+    /// Scale factor of the backlash of a joint's drivetrain.
     pub const ACTUATOR_BACKLASH: u32 = 32;
-    /// Factor on the stiffness of a joint's drivetrain.
+    /// Scale factor of the stiffness of a joint's drivetrain.
     pub const ACTUATOR_STIFFNESS: u32 = 33;
 
-    /// The part of a property of the base of a robot.
+    /// Value of `part` for properties of the robot's base.
     pub const BASE: u32 = u32::MAX;
 
-    /// Returns the value sampled for a property of a part.
+    /// Returns the value sampled for a property of a part; `None` if there is no such entry.
     pub fn find(&self, property: u32, part: u32) -> Option<f64> {
         let mut entries = self.property().iter().zip(self.part()).zip(self.value());
         entries.find(|((p, q), _)| (**p, **q) == (property, part)).map(|(_, value)| *value)

@@ -8,8 +8,7 @@ use super::counted::counted_buffer;
 pub const MAX_FEET: usize = 16;
 
 counted_buffer! {
-    /// Readings of the contact sensors of a robot's feet, in the order of the names of the feet in its
-    /// profile.
+    /// Readings of the contact sensors in a robot's feet, in the order of the feet in the robot's profile.
     ///
     /// ```
     /// use motorium::state::FootContacts;
@@ -30,7 +29,7 @@ counted_buffer! {
 }
 
 counted_buffer! {
-    /// Planned contacts of a robot's feet, in the order of the names of the feet in its profile.
+    /// Planned contacts of a robot's feet, in the order of the feet in the robot's profile.
     ///
     /// ```
     /// use motorium::state::ContactSchedule;
@@ -42,11 +41,12 @@ counted_buffer! {
     /// ```
     pub struct ContactSchedule as "motorium.ContactSchedule", at most MAX_FEET {
         plain {
-            /// Normal of the ground under the feet, of any length, axes of the world; zero for straight up.
+            /// Ground normal under the feet, in the axes of the world. Need not have unit length; zero stands
+            /// for straight up.
             ground_normal: [f64; 3];
         }
         counted {
-            /// Load fraction of the foot, from 0 (lifted) to 1.
+            /// Fraction of its load that the foot carries, from 0 (lifted) to 1.
             load, load_mut: f64;
         }
     }
@@ -77,12 +77,12 @@ crate::state_buffer! {
         pub gyroscope_bias: [f64; 3],
         /// Bias of the accelerometer, in the axes of the sensor, m/s^2.
         pub accelerometer_bias: [f64; 3],
-        /// Covariance of the errors of orientation (a rotation vector), velocity and position, all in the
-        /// axes of the world, row by row: rad, m/s and m.
+        /// Covariance of the errors of orientation (as a rotation vector), velocity and position, in this
+        /// order and in the axes of the world. A 9 x 9 matrix, row by row, from rad, m/s and m.
         pub covariance: [f64; 81],
         /// Standard deviations of the biases, the gyroscope's first, rad/s and m/s^2.
         pub bias_deviation: [f64; 6],
-        /// Feet used by the estimate, one bit each: the first foot is bit 0.
+        /// Bit mask of the feet that the estimate uses; the first foot is bit 0.
         pub contacts: u64,
     }
 }

@@ -63,7 +63,7 @@ pub use stamp::{FUTURE_TOLERANCE_NS, Stamp};
 #[doc(hidden)]
 pub use iceoryx2::prelude::ZeroCopySend as __ZeroCopySend;
 
-/// Returns the layouts of all state buffers that the runtime defines, ordered by their numbers.
+/// Returns the layouts of all state buffers that the runtime defines, in the order of [`numbered`].
 ///
 /// ```
 /// let names: Vec<String> = motorium::state::built_in().into_iter().map(|layout| layout.type_name).collect();

@@ -11,16 +11,16 @@ crate::state_buffer! {
         pub linear_velocity: [f64; 3],
         /// Angular velocity, rad/s.
         pub angular_velocity: [f64; 3],
-        /// Number of the goal of this target: it changes when the motion to a new goal starts.
+        /// Number of the goal that this target moves to. It changes when the motion to a new goal starts.
         pub goal: u64,
-        /// 1 when the target rests at its goal, else 0.
+        /// 1 if the target is at rest at its goal, else 0.
         pub at_goal: u64,
     }
 }
 
 crate::state_buffer! {
-    /// Target velocity of a frame, in world axes unless its reader specifies others: `control.wheels` uses
-    /// base axes.
+    /// Target velocity of a frame. In world axes, unless the documentation of the reader specifies others:
+    /// `control.wheels` uses the axes of the base.
     ///
     /// ```
     /// use motorium::state::TwistTarget;
@@ -37,11 +37,11 @@ crate::state_buffer! {
 }
 
 crate::state_buffer! {
-    /// Pose and velocity of the base of a robot. Together with the joint state, it is the whole state of a
+    /// Pose and velocity of a robot's base. Together with the joint state it is the complete state of a
     /// floating-base robot.
     ///
-    /// Position, orientation, then both velocities are the base's part of the `q` and `v` of
-    /// `motorium-robots`.
+    /// Position and orientation are the base's part of `q` in `motorium-robots`. The linear velocity followed
+    /// by the angular velocity is the base's part of `v`.
     pub struct BaseState as "motorium.BaseState" {
         /// Position of the base frame's origin in the world, m.
         pub position: [f64; 3],
@@ -66,21 +66,21 @@ crate::state_buffer! {
     pub struct Odometry as "motorium.Odometry" {
         /// Position of the base frame's origin along x and y of the world, m.
         pub position: [f64; 2],
-        /// Angle about z of the world, unwrapped, rad.
+        /// Yaw angle about the world's z axis, unwrapped, rad.
         pub yaw: f64,
         /// Velocity of the base frame's origin along x and y of the base, m/s.
         pub velocity: [f64; 2],
-        /// Rate of change of the angle, rad/s.
+        /// Rate of change of the yaw angle, rad/s.
         pub yaw_rate: f64,
-        /// Covariance of x, y and yaw, row by row, m^2, m rad and rad^2.
+        /// Covariance of x, y and yaw, a 3 x 3 matrix row by row, m^2, m rad and rad^2.
         pub covariance: [f64; 9],
-        /// Distance travelled so far, m.
+        /// Distance travelled since the start, m.
         pub distance: f64,
     }
 }
 
 crate::state_buffer! {
-    /// A force and a torque on a body, at the origin and in the axes of the measuring frame.
+    /// Force and torque on a body, expressed at the origin and in the axes of the measuring frame.
     pub struct Wrench as "motorium.Wrench" {
         /// Force, N.
         pub force: [f64; 3],
@@ -106,11 +106,11 @@ crate::state_buffer! {
     pub struct Phase as "motorium.Phase" {
         /// Phase: rad for a periodic motion; from 0 at the start to 1 at the end for a one-shot motion.
         pub phase: f64,
-        /// Rate of the phase, 1/s or rad/s.
+        /// Time derivative of the phase, rad/s for a periodic and 1/s for a one-shot motion.
         pub rate: f64,
-        /// Amplitude scale of the motion.
+        /// Scale factor of the motion's amplitude.
         pub amplitude: f64,
-        /// Counts the repetitions.
+        /// Number of completed repetitions.
         pub cycle: u64,
     }
 }

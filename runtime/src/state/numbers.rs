@@ -20,7 +20,8 @@ macro_rules! numbers {
             vec![$( ($number, $type::layout()) ),*]
         }
 
-        /// Returns the number of a message of the runtime.
+        /// Returns the permanent number of the runtime's message with this type name; `None` for all other
+        /// names.
         ///
         /// ```
         /// assert_eq!(motorium::state::number("motorium.Wrench"), Some(5));

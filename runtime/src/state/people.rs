@@ -8,11 +8,11 @@ use super::counted::counted_buffer;
 pub const MAX_AXES: usize = 16;
 /// Maximum length of a [`Text`], bytes.
 pub const MAX_TEXT: usize = 1024;
-/// Maximum length of the text of an [`Event`], bytes.
+/// Maximum length of the text in an [`Event`], bytes.
 pub const MAX_EVENT_TEXT: usize = 128;
 
 counted_buffer! {
-    /// Axes and buttons of a keyboard, a pad or a SpaceMouse.
+    /// Axes and buttons of a keyboard, a gamepad or a SpaceMouse.
     ///
     /// ```
     /// use motorium::state::Controls;
@@ -24,7 +24,7 @@ counted_buffer! {
     /// ```
     pub struct Controls as "motorium.Controls", at most MAX_AXES {
         plain {
-            /// One bit for each pressed button; button 0 is the lowest bit.
+            /// Bit mask of the pressed buttons; button 0 is the lowest bit.
             buttons: u64;
         }
         counted {
@@ -35,7 +35,7 @@ counted_buffer! {
 }
 
 impl Controls {
-    /// Returns `true` if a button, counted from 0, is pressed.
+    /// Returns `true` if a button is pressed. Buttons are counted from 0.
     pub fn is_pressed(&self, button: u32) -> bool {
         button < 64 && self.buttons >> button & 1 == 1
     }
@@ -52,14 +52,14 @@ counted_buffer! {
     /// ```
     pub struct Text as "motorium.Text", at most MAX_TEXT {
         counted {
-            /// The bytes.
+            /// Bytes of the text.
             text, text_mut: u8;
         }
     }
 }
 
 impl Text {
-    /// Creates a text, cut after the last character that fits.
+    /// Creates a text, truncated after the last character that fits.
     pub fn truncated(text: &str) -> Self {
         let mut buffer = Self::default();
         let end = text.floor_char_boundary(MAX_TEXT);
@@ -68,7 +68,7 @@ impl Text {
         buffer
     }
 
-    /// Returns the text, up to the first byte that is not UTF-8.
+    /// Returns the text up to the first byte that is not valid UTF-8.
     pub fn as_str(&self) -> &str {
         valid(self.text())
     }
@@ -86,11 +86,11 @@ counted_buffer! {
     /// ```
     pub struct Event as "motorium.Event", at most MAX_EVENT_TEXT {
         plain {
-            /// A publisher-defined number by which programs distinguish its events.
+            /// Number that distinguishes the events of a publisher, which defines its meaning.
             code: u32;
             /// Severity: one of the constants of this type.
             severity: u32;
-            /// A number that belongs to the event, in a unit defined by its code.
+            /// Number that belongs to the event, in the unit that its code implies.
             value: f64;
         }
         counted {
@@ -101,14 +101,15 @@ counted_buffer! {
 }
 
 impl Event {
-    /// Normal operation.
+    /// Severity: normal operation.
     pub const INFORMATION: u32 = 0;
-    /// Allowed, but probably unintended.
+    /// Severity: allowed, but probably unintended.
     pub const WARNING: u32 = 1;
-    /// A failure.
+    /// Severity: a failure.
     pub const ERROR: u32 = 2;
 
-    /// Creates an event with this text, cut after the last character that fits.
+    /// Creates an event with this text, truncated after the last character that fits. All other fields are
+    /// zero.
     pub fn truncated(text: &str) -> Self {
         let mut event = Self::default();
         let end = text.floor_char_boundary(MAX_EVENT_TEXT);
@@ -117,7 +118,7 @@ impl Event {
         event
     }
 
-    /// Returns the text, up to the first byte that is not UTF-8.
+    /// Returns the text up to the first byte that is not valid UTF-8.
     pub fn as_str(&self) -> &str {
         valid(self.text())
     }

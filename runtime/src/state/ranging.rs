@@ -24,13 +24,13 @@ counted_buffer! {
     /// ```
     pub struct Ranges as "motorium.Ranges", at most MAX_RANGES {
         plain {
-            /// Smallest measurable distance, m.
+            /// Minimum range of the sensor, m.
             least: f64;
-            /// Maximum range of the sensor, m. A ray without a hit within it has a larger value.
+            /// Maximum range of the sensor, m. A ray that hits nothing in range has a larger value.
             most: f64;
         }
         counted {
-            /// Distance along a ray, m.
+            /// Distance to the hit along the ray, m.
             range, range_mut: f32;
         }
     }
@@ -54,26 +54,26 @@ counted_buffer! {
     /// ```
     pub struct HeightScan as "motorium.HeightScan", at most MAX_HEIGHTS {
         plain {
-            /// Number of points along x.
+            /// Number of rows: grid points along x.
             rows: u32;
-            /// Number of points along y.
+            /// Number of columns: grid points along y.
             columns: u32;
             /// Distance between adjacent points, m.
             spacing: f64;
-            /// Minimum reported height, m; also used for points without a surface.
+            /// Minimum reported height, m. Points without a surface have this height.
             least: f64;
             /// Maximum reported height, m.
             most: f64;
         }
         counted {
-            /// Height of the surface above the origin of the sensor, m; negative below it.
+            /// Height of the surface above the sensor's origin, m; negative below.
             height, height_mut: f32;
         }
     }
 }
 
 crate::state_buffer! {
-    /// A fix of a satellite navigation receiver.
+    /// A position and velocity measured by a satellite navigation receiver.
     ///
     /// ```
     /// use motorium::state::GeoFix;
@@ -88,11 +88,11 @@ crate::state_buffer! {
         pub longitude: f64,
         /// Height above the ellipsoid, m.
         pub altitude: f64,
-        /// Velocity to the east, to the north and up, m/s.
+        /// Velocity towards east, north and up, m/s.
         pub velocity: [f64; 3],
-        /// Standard deviations of the position to the east, to the north and up, m.
+        /// Standard deviations of the position towards east, north and up, m.
         pub position_deviation: [f64; 3],
-        /// Standard deviations of the velocity, m/s.
+        /// Standard deviations of the velocity towards east, north and up, m/s.
         pub velocity_deviation: [f64; 3],
     }
 }
@@ -107,7 +107,7 @@ crate::state_buffer! {
     /// assert!(climbing.rate > 0.0);
     /// ```
     pub struct Altitude as "motorium.Altitude" {
-        /// Height above the reference of the sensor, m.
+        /// Height above the sensor's reference level, m.
         pub height: f64,
         /// Rate of change of the height, m/s.
         pub rate: f64,
@@ -115,7 +115,7 @@ crate::state_buffer! {
 }
 
 crate::state_buffer! {
-    /// A magnetic flux density, in the axes of the sensor.
+    /// A magnetic flux density measured in the axes of the sensor.
     ///
     /// ```
     /// use motorium::state::MagneticField;

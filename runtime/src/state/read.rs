@@ -4,11 +4,11 @@
 
 use super::StateBuffer;
 
-/// Reads a value from bytes in the layout of its type, with any alignment. Returns `None` if the length
-/// differs.
+/// Reads a value from bytes in the layout of its type, at any alignment. Returns `None` if the number of
+/// bytes differs from the size of the type.
 ///
-/// Use it for bytes from a tap or a recording. They are not validated; use
-/// [`Field::check`](super::Field::check).
+/// Use it for bytes from a tap or a recording. The value is not validated; use
+/// [`Field::check`](super::Field::check) for this.
 ///
 /// ```
 /// use motorium::state::{JointState, StateBuffer, encode, from_bytes};

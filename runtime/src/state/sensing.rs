@@ -22,30 +22,31 @@ counted_buffer! {
     /// ```
     pub struct Contacts as "motorium.Contacts", at most MAX_CONTACTS {
         plain {
-            /// Number of contact points without an entry, because the arrays are full. They are merged: two
-            /// entries of their link have their force and moment. With more than 32 touched links some may be
-            /// omitted; [`ContactImpulses`] has the sum of all.
+            /// Number of contact points that have no entry because the arrays are full. These points are
+            /// merged: two entries of the same link carry their total force and moment. If more than 32 links
+            /// are touched, some may be omitted; [`ContactImpulses`] has the sum of all.
             cut: u64;
         }
         counted {
             /// Index of the touched link in the robot's model.
             link, link_mut: u32;
-            /// The other body: the index of an object of the world, or of a link plus 65536; 65535 for a link
-            /// of another robot, 4294967295 for the ground, 4294967294 for a push of the graph.
+            /// The other body: the index of an object of the world, or 65536 plus the index of a link of the
+            /// same robot; 65535 for a link of another robot, 4294967295 for the ground, 4294967294 for a
+            /// push defined in the graph.
             other, other_mut: u32;
-            /// Position of the point, x, m.
+            /// Position of the contact point, x, m.
             position_x, position_x_mut: f64;
-            /// Position of the point, y, m.
+            /// Position of the contact point, y, m.
             position_y, position_y_mut: f64;
-            /// Position of the point, z, m.
+            /// Position of the contact point, z, m.
             position_z, position_z_mut: f64;
-            /// Force on the link, x, N.
+            /// Force on the touched link, x, N.
             force_x, force_x_mut: f64;
-            /// Force on the link, y, N.
+            /// Force on the touched link, y, N.
             force_y, force_y_mut: f64;
-            /// Force on the link, z, N.
+            /// Force on the touched link, z, N.
             force_z, force_z_mut: f64;
-            /// Depth of the overlap of the surfaces, m.
+            /// Penetration depth of the two surfaces, m.
             depth, depth_mut: f64;
         }
     }
@@ -55,9 +56,9 @@ counted_buffer! {
 pub const MAX_IMPULSES: usize = 128;
 
 counted_buffer! {
-    /// Impulses of all contacts and pushes on links of a robot, added up since the start of the episode. The
-    /// difference of two values is the impulse between them, over any number of steps. Vectors are in the
-    /// axes of the world.
+    /// Accumulated impulses of all contacts and pushes on each link of a robot since the start of the
+    /// episode, in world axes. The difference between two values is the impulse between their times, over any
+    /// number of steps.
     ///
     /// ```
     /// use motorium::state::ContactImpulses;
@@ -73,8 +74,7 @@ counted_buffer! {
             cut: u64;
         }
         counted {
-            /// Index of the link in the robot's model. A link that has not been touched is not
-            /// listed.
+            /// Index of the link in the robot's model. Links that have not been touched are not listed.
             link, link_mut: u32;
             /// Impulse on the link, x, N s.
             impulse_x, impulse_x_mut: f64;
@@ -105,29 +105,29 @@ counted_buffer! {
     /// ```
     pub struct ObjectPoses as "motorium.ObjectPoses", at most MAX_OBJECTS {
         counted {
-            /// Index of the object in `objects` of the world.
+            /// Index of the object in the `objects` of the world.
             object, object_mut: u32;
-            /// Position of its centre, x, m.
+            /// Position of the object's centre, x, m.
             position_x, position_x_mut: f64;
-            /// Position of its centre, y, m.
+            /// Position of the object's centre, y, m.
             position_y, position_y_mut: f64;
-            /// Position of its centre, z, m.
+            /// Position of the object's centre, z, m.
             position_z, position_z_mut: f64;
-            /// Orientation, x of the unit quaternion.
+            /// Orientation of the object, x of the unit quaternion.
             orientation_x, orientation_x_mut: f64;
-            /// Orientation, y of the unit quaternion.
+            /// Orientation of the object, y of the unit quaternion.
             orientation_y, orientation_y_mut: f64;
-            /// Orientation, z of the unit quaternion.
+            /// Orientation of the object, z of the unit quaternion.
             orientation_z, orientation_z_mut: f64;
-            /// Orientation, w of the unit quaternion.
+            /// Orientation of the object, w of the unit quaternion.
             orientation_w, orientation_w_mut: f64;
         }
     }
 }
 
 crate::state_buffer! {
-    /// Size and format of the images of a camera, whose pixels are slices of `u8` on a separate topic: rows
-    /// from the top, pixels from the left, `stride` bytes per row.
+    /// Size and pixel format of a camera's images. The pixels are published on a separate topic, as slices of
+    /// `u8`: rows from the top, pixels from the left, `stride` bytes per row.
     ///
     /// ```
     /// use motorium::state::ImageInfo;
@@ -136,36 +136,36 @@ crate::state_buffer! {
     /// assert_eq!(grey.stride * grey.height, 307_200);
     /// ```
     pub struct ImageInfo as "motorium.ImageInfo" {
-        /// Pixels of a row.
+        /// Number of pixels per row.
         pub width: u32,
-        /// Rows.
+        /// Number of rows.
         pub height: u32,
-        /// Bytes of a row.
+        /// Number of bytes per row.
         pub stride: u32,
-        /// Format of a pixel: one of the constants of this type.
+        /// Pixel format: one of the constants of this type.
         pub encoding: u32,
-        /// Focal lengths along the rows and columns, pixels; 0 if unknown.
+        /// Focal lengths along the rows and along the columns, pixels; 0 if unknown.
         pub focal_length: [f64; 2],
-        /// The point of the image on the optical axis, pixels from the top left corner.
+        /// Intersection of the optical axis with the image, pixels from the top left corner.
         pub principal_point: [f64; 2],
     }
 }
 
 impl ImageInfo {
-    /// Greyscale, one byte per pixel.
+    /// Pixel format: greyscale, one byte per pixel.
     pub const GREY_8: u32 = 1;
-    /// Red, green and blue, a byte each.
+    /// Pixel format: red, green and blue, one byte each.
     pub const RGB_8: u32 = 2;
-    /// Blue, green and red, a byte each.
+    /// Pixel format: blue, green and red, one byte each.
     pub const BGR_8: u32 = 3;
-    /// Depth along the optical axis as `f32`, m.
+    /// Pixel format: depth along the optical axis as `f32`, m.
     pub const DEPTH_32: u32 = 4;
-    /// A file in the JPEG format; `stride` is 0.
+    /// Format: a JPEG file; `stride` is 0.
     pub const JPEG: u32 = 5;
 }
 
 crate::state_buffer! {
-    /// One point of a cloud (a slice of points), in the axes of the sensor.
+    /// One point of a point cloud, in the axes of the sensor. A cloud is a slice of points.
     ///
     /// ```
     /// use motorium::state::CloudPoint;

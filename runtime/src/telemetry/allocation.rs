@@ -5,16 +5,17 @@
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
-/// The system's allocator with a count per thread. [`main!`](crate::main) installs it.
+/// The system's allocator, which also counts the allocations of each thread. [`main!`](crate::main) installs
+/// it.
 #[derive(Debug, Default, Clone, Copy)]
 pub struct CountingAllocator;
 
-/// Heap allocations of one thread.
+/// Number of heap allocations of one thread.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Allocations {
-    /// Allocations outside [`set_apart`].
+    /// Number of allocations outside [`set_apart`].
     pub own: u64,
-    /// Allocations within [`set_apart`].
+    /// Number of allocations within [`set_apart`].
     pub set_apart: u64,
 }
 
@@ -61,7 +62,7 @@ pub(crate) fn place_of_counts() -> *const u8 {
     OWN.with(|own| core::ptr::from_ref(own).cast())
 }
 
-/// Returns the heap allocations of the calling thread so far; all zero unless [`CountingAllocator`] is
+/// Returns the number of heap allocations of the calling thread so far; zero unless [`CountingAllocator`] is
 /// installed.
 #[inline]
 pub fn allocations() -> Allocations {
@@ -75,7 +76,7 @@ pub fn counts_allocations() -> bool {
     allocations() != before
 }
 
-/// Runs a call to foreign code with known allocations and counts these separately.
+/// Runs a call to third-party code whose allocations are known and documented, and counts them separately.
 pub fn set_apart<R>(call: impl FnOnce() -> R) -> R {
     let outer = APART.replace(true);
     let result = call();

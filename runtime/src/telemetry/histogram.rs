@@ -10,10 +10,10 @@ const SUB_BITS: u32 = 5;
 const MAX_BITS: u32 = 40;
 const BUCKETS: usize = ((MAX_BITS - SUB_BITS + 1) << SUB_BITS) as usize;
 
-/// A histogram of durations, ns, in buckets of 3 % relative width; extremes are exact.
+/// A histogram of durations, ns. Buckets are 3 % wide; the maximum is exact.
 ///
 /// Zero bytes are a valid empty histogram, so it can be used in freshly mapped shared memory. It has one
-/// writer; readers see counts that are at most one record behind.
+/// writer. Readers may miss the record that is being written.
 #[derive(Debug)]
 #[repr(C)]
 pub struct Histogram {
@@ -48,17 +48,17 @@ impl Histogram {
         add(&self.count, 1);
     }
 
-    /// Returns the number of recorded values.
+    /// Returns the number of recorded durations.
     pub fn count(&self) -> u64 {
         self.count.load(Relaxed)
     }
 
-    /// Returns the mean of the recorded values, ns.
+    /// Returns the mean of the recorded durations, ns.
     pub fn mean(&self) -> f64 {
         self.sum.load(Relaxed) as f64 / self.count().max(1) as f64
     }
 
-    /// Returns the usual percentiles.
+    /// Returns the median, the 99 % and 99.9 % quantiles and the maximum, ns.
     pub fn percentiles(&self) -> Percentiles {
         Percentiles {
             p50: self.quantile(0.5),
@@ -68,13 +68,13 @@ impl Histogram {
         }
     }
 
-    /// Returns the nonempty buckets: upper bound, ns, and number of values.
+    /// Returns the nonempty buckets in ascending order, as pairs of upper bound (ns) and number of durations.
     pub fn buckets(&self) -> impl Iterator<Item = (u64, u64)> + '_ {
         let counts = self.buckets.iter().map(|bucket| bucket.load(Relaxed)).enumerate();
         counts.filter(|(_, count)| *count > 0).map(|(i, count)| (upper_bound(i), count))
     }
 
-    /// Returns a copy for comparison with a later one.
+    /// Returns a copy that can be compared with a later one.
     pub fn snapshot(&self) -> Snapshot {
         // The maximum is written after its bucket, so if it is read after the buckets, it is never below
         // them.
@@ -82,7 +82,7 @@ impl Histogram {
         Snapshot { buckets, sum: self.sum.load(Relaxed), max: self.max.load(Relaxed) }
     }
 
-    /// Returns the smallest bucket bound that is not exceeded by at least this share of all values, ns.
+    /// Returns the upper bound of the bucket that contains the quantile `share` (0 to 1), ns.
     pub fn quantile(&self, share: f64) -> u64 {
         // Saturating, because damaged shared memory must not crash a reader.
         let total =

@@ -2,25 +2,25 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Percentiles of a histogram, ns; untrimmed, `max` exact, the others to 3 %.
+/// Percentiles of a histogram, ns. `max` is exact, the others are accurate to 3 %.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct Percentiles {
-    /// Half of all values are at most this.
+    /// Median: half of all values are not larger.
     pub p50: u64,
-    /// 99 % of all values are at most this.
+    /// 99 % of all values are not larger.
     pub p99: u64,
-    /// 99.9 % of all values are at most this.
+    /// 99.9 % of all values are not larger.
     pub p999: u64,
-    /// The largest value.
+    /// Largest value.
     pub max: u64,
 }
 
-/// Copy of a [`Histogram`](super::Histogram) at one moment, with its nonempty buckets only.
+/// Copy of a [`Histogram`](super::Histogram) at one moment. It contains nonempty buckets only.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Snapshot {
     pub(super) sum: u64,
     pub(super) max: u64,
-    /// Upper bound, ns, and number of values of each nonempty bucket, ascending.
+    /// Nonempty buckets in ascending order, as pairs of upper bound (ns) and number of values.
     pub(super) buckets: Vec<(u64, u64)>,
 }
 
@@ -35,12 +35,12 @@ impl Snapshot {
         self.sum
     }
 
-    /// Returns the nonempty buckets: upper bound, ns, and number of values.
+    /// Returns the nonempty buckets in ascending order, as pairs of upper bound (ns) and number of values.
     pub fn buckets(&self) -> &[(u64, u64)] {
         &self.buckets
     }
 
-    /// Returns the usual percentiles.
+    /// Returns the median, the 99 % and 99.9 % quantiles and the maximum, ns.
     pub fn percentiles(&self) -> Percentiles {
         Percentiles {
             p50: self.quantile(0.5),
@@ -50,7 +50,7 @@ impl Snapshot {
         }
     }
 
-    /// Returns the smallest bucket bound that is not exceeded by at least this share of all values, ns.
+    /// Returns the upper bound of the bucket that contains the quantile `share` (0 to 1), ns.
     pub fn quantile(&self, share: f64) -> u64 {
         let wanted = (share * self.count() as f64).ceil() as u64;
         let mut seen = 0_u64;
@@ -61,10 +61,10 @@ impl Snapshot {
         reached.map_or(0, |(bound, _)| (*bound).min(self.max))
     }
 
-    /// Returns the values recorded since an earlier snapshot of the same histogram.
+    /// Returns the values that were recorded after an earlier snapshot of the same histogram.
     ///
-    /// Its maximum is exact if it is the maximum of the whole histogram; otherwise it is the bound of its
-    /// bucket, at most 1/32 too high.
+    /// The maximum of the result is exact if it is the maximum of the whole histogram. Otherwise it is the
+    /// upper bound of its bucket, at most 1/32 too high.
     pub fn since(&self, earlier: &Self) -> Self {
         let mut before = earlier.buckets.iter().copied().peekable();
         let mut buckets = Vec::new();

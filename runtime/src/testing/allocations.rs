@@ -27,7 +27,7 @@ pub fn allocations<R>(call: impl FnOnce() -> R) -> u64 {
 }
 
 /// Makes a program count its heap allocations, for [`testing::allocations`](crate::testing::allocations) and
-/// for the `allocations` of each component in a report. Use it once in a program.
+/// for the `allocations` of each component in a report. Use this macro once per program.
 #[macro_export]
 macro_rules! count_allocations {
     () => {

@@ -13,8 +13,8 @@ use crate::worker::{Kind, Registry, RobotSource};
 
 /// A graph built in code or from the text of a graph file, with the kinds of components it may use.
 ///
-/// Its components run as threads of this process, in lockstep unless the graph sets another clock. Robots are
-/// not checked: any name of a model is accepted. See [the module](super) for an example.
+/// Components run as threads of this process, in lockstep unless the graph sets another clock. Robots are not
+/// checked: any model name is accepted. See [the module](super) for an example.
 #[derive(Debug)]
 pub struct Graph {
     text: String,
@@ -43,12 +43,12 @@ impl core::fmt::Debug for RunError {
 }
 
 impl Graph {
-    /// Creates an empty graph in lockstep.
+    /// Creates an empty graph that runs in lockstep.
     pub fn new(name: &str) -> Self {
         Self::from_toml(format!("name = {}\nclock = \"lockstep\"\n", toml::Value::from(name)))
     }
 
-    /// Creates a graph from a graph file's text, which can be extended in code.
+    /// Creates a graph from the text of a graph file. Components can be added in code.
     pub fn from_toml(text: impl Into<String>) -> Self {
         Self {
             text: text.into(),
@@ -59,7 +59,7 @@ impl Graph {
         }
     }
 
-    /// Sets the path of the graph file, to whose folder paths in the graph are relative. The default is
+    /// Sets the path of the graph file. Paths in the graph are relative to its folder. The default is
     /// `graph.toml` in the working directory.
     #[must_use]
     pub fn at_path(mut self, file: &Path) -> Self {
@@ -67,7 +67,7 @@ impl Graph {
         self
     }
 
-    /// Registers a kind used in the text of the graph.
+    /// Registers a kind of component that the text of the graph uses.
     #[must_use]
     pub fn kind<C: Component>(mut self) -> Self {
         self.know(Kind::of::<C>());
@@ -80,7 +80,7 @@ impl Graph {
         }
     }
 
-    /// Adds a robot.
+    /// Adds a robot with a model.
     #[must_use]
     pub fn robot(mut self, name: &str, urdf: &str) -> Self {
         let _ = write!(self.text, "\n[robot.{name}]\nurdf = {}\n", toml::Value::from(urdf));
@@ -100,7 +100,7 @@ impl Graph {
         self
     }
 
-    /// Sets a value, such as `clock` or `realtime`, like `--set path=value` on the command line.
+    /// Sets a key of the graph, such as `clock` or `realtime`, like `--set path=value` on the command line.
     #[must_use]
     pub fn set(mut self, path: &str, value: &str) -> Self {
         self.overrides.push(Override { path: path.to_string(), value: value.to_string() });
@@ -119,11 +119,11 @@ impl Graph {
         Registry::new(RobotSource { check: |_| Ok(Vec::new()) }, self.kinds.iter().copied())
     }
 
-    /// Runs the graph for a time with its unit, such as `"2 s"`: simulated time in lockstep.
+    /// Runs the graph for a duration with its unit, such as `"2 s"`. In lockstep this is simulated time.
     ///
     /// # Errors
-    /// The graph is rejected, or does not start. A graph that ran and failed is not an error; its report
-    /// contains the exit.
+    /// The graph is invalid or does not start. If the graph ran and failed, the function returns `Ok`, and
+    /// the report contains the exit.
     pub fn run(self, duration: &str) -> Result<Report, RunError> {
         let this = self.set("duration", duration);
         let plan = this.check()?.plan;

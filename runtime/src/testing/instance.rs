@@ -4,7 +4,7 @@ use super::closure::Part;
 use crate::component::Component;
 use crate::worker::Kind;
 
-/// A component of a graph built in code.
+/// A component of a graph that is built in code.
 #[derive(Debug)]
 pub struct Instance {
     pub(super) name: String,
@@ -14,40 +14,40 @@ pub struct Instance {
 }
 
 impl Instance {
-    /// Creates a component of type `C`. It needs [`rate`](Self::rate) or [`trigger`](Self::trigger).
+    /// Creates a component of type `C`. Set its [`rate`](Self::rate) or [`trigger`](Self::trigger), too.
     pub fn of<C: Component>(name: &str) -> Self {
         Self { name: name.to_string(), kind: Kind::of::<C>(), table: toml::Table::new(), part: None }
             .set("kind", C::KIND)
     }
 
-    /// Sets the rate of its steps, such as `"1 kHz"`.
+    /// Sets the rate of the steps, such as `"1 kHz"`.
     #[must_use]
     pub fn rate(mut self, rate: &str) -> Self {
         self.table.remove("trigger");
         self.set("rate", rate)
     }
 
-    /// Triggers a step at every publication of a topic, which the component must subscribe to.
+    /// Triggers a step at every publication of `topic`. The component must subscribe to the topic.
     #[must_use]
     pub fn trigger(mut self, topic: &str) -> Self {
         self.table.remove("rate");
         self.set("trigger", topic)
     }
 
-    /// Assigns a robot of the graph.
+    /// Assigns a robot of the graph to the component.
     #[must_use]
     pub fn robot(self, name: &str) -> Self {
         self.set("robot", name)
     }
 
-    /// Wires an input.
+    /// Wires the input `port` to a topic.
     #[must_use]
     pub fn subscribe(mut self, port: &str, topic: &str) -> Self {
         self.entry("subscribe", port, topic.into());
         self
     }
 
-    /// Wires an output.
+    /// Wires the output `port` to a topic.
     #[must_use]
     pub fn publish(mut self, port: &str, topic: &str) -> Self {
         self.entry("publish", port, topic.into());
@@ -61,14 +61,14 @@ impl Instance {
         self
     }
 
-    /// Sets a key of the configuration.
+    /// Sets a key of the component's `config` table.
     #[must_use]
     pub fn config(mut self, key: &str, value: impl Into<toml::Value>) -> Self {
         self.entry("config", key, value.into());
         self
     }
 
-    /// Sets any other key of the component's table, such as `on_error` or `budget`.
+    /// Sets any other key of the component's table in the graph, such as `on_error` or `budget`.
     #[must_use]
     pub fn set(mut self, key: &str, value: impl Into<toml::Value>) -> Self {
         self.table.insert(key.to_string(), value.into());

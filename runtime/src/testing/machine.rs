@@ -4,14 +4,15 @@ use std::fs::File;
 use std::path::Path;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
-/// Reserves the whole machine for one test, because real-time components of concurrent tests would starve
-/// each other.
+/// Reserves the whole machine for one test. Real-time components of concurrent tests would otherwise starve
+/// one another.
 ///
-/// Locks the file `real-time.lock` of a folder. In integration tests use `env!("CARGO_TARGET_TMPDIR")`, which
-/// all test programs of a workspace share. The lock is released when the file is dropped or its process ends.
+/// The function locks the file `real-time.lock` in `folder`. In integration tests, use
+/// `env!("CARGO_TARGET_TMPDIR")`, which all test programs of a workspace share. The lock is released when the
+/// returned file is dropped or its process ends.
 ///
-/// Prints the Unix time at which the test acquired the machine, so that a failure can be compared with the
-/// activity of a virtual machine's host.
+/// The function prints the Unix time at which the test acquired the machine. This allows failures to be
+/// compared with the activity of a virtual machine's host.
 ///
 /// ```
 /// use motorium::prelude::*;

@@ -9,8 +9,8 @@ use crate::declare::{Declare, StepError};
 use crate::state::{Stamp, StateBuffer};
 use crate::telemetry::set_apart;
 
-/// A component that publishes the values of a closure on a topic, and nothing in steps for which the closure
-/// returns `None`. The default rate is 1 kHz.
+/// A component that publishes the values returned by a closure. It publishes nothing in steps in which the
+/// closure returns `None`. The default rate is 1 kHz.
 #[derive(Debug)]
 pub struct Source(Instance);
 
@@ -19,8 +19,8 @@ pub struct Source(Instance);
 #[derive(Debug)]
 pub struct Function(Instance);
 
-/// A component that records each sample that it reads from a topic, at 1 kHz or, if
-/// [`triggered`](Self::triggered), at every publication. Its clones share one record.
+/// A component that records every sample that it reads from a topic. It reads at 1 kHz or, if
+/// [`triggered`](Self::triggered), at every publication. Clones of a probe share one record.
 #[derive(Debug)]
 pub struct Probe<T: StateBuffer> {
     topic: String,
@@ -29,10 +29,10 @@ pub struct Probe<T: StateBuffer> {
     samples: Arc<Mutex<Vec<Sample<T>>>>,
 }
 
-/// A sample read by a [`Probe`].
+/// A sample recorded by a [`Probe`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sample<T> {
-    /// Step of the probe that first read it.
+    /// Step in which the probe first read the sample.
     pub tick: Tick,
     /// Stamp of the sample.
     pub stamp: Stamp,
@@ -43,7 +43,7 @@ pub struct Sample<T> {
 }
 
 impl Source {
-    /// Creates a source named `name` of a topic.
+    /// Creates a source that publishes the values of `next` on a topic.
     pub fn new<T: StateBuffer>(
         name: &str,
         topic: &str,
@@ -60,7 +60,7 @@ impl Source {
         Self(instance(name, declare, open).publish("output", topic).rate("1 kHz"))
     }
 
-    /// Steps at a rate, such as `"100 Hz"`.
+    /// Sets the rate of the steps, such as `"100 Hz"`.
     #[must_use]
     pub fn rate(self, rate: &str) -> Self {
         Self(self.0.rate(rate))
@@ -68,7 +68,8 @@ impl Source {
 }
 
 impl Function {
-    /// Creates a function named `name` from one topic to another.
+    /// Creates a component that publishes the results of `function` on the topic `to`, from the samples of
+    /// the topic `from`.
     pub fn new<I: StateBuffer, O: StateBuffer>(
         name: &str,
         from: &str,
@@ -94,13 +95,13 @@ impl Function {
         Self(instance.subscribe("input", from).publish("output", to).rate("1 kHz"))
     }
 
-    /// Steps at a rate, such as `"100 Hz"`.
+    /// Sets the rate of the steps, such as `"100 Hz"`.
     #[must_use]
     pub fn rate(self, rate: &str) -> Self {
         Self(self.0.rate(rate))
     }
 
-    /// Triggers a step at every publication of this topic, which it must read.
+    /// Triggers a step at every publication of `topic`, which must be the input topic.
     #[must_use]
     pub fn trigger(self, topic: &str) -> Self {
         Self(self.0.trigger(topic))
@@ -108,20 +109,20 @@ impl Function {
 }
 
 impl<T: StateBuffer> Probe<T> {
-    /// Creates a probe of a topic, named after it with the prefix `probe`.
+    /// Creates a probe of a topic. Its component is named `probe` followed by the topic's name.
     pub fn for_topic(topic: &str) -> Self {
         let name = format!("probe-{}", topic.replace('/', "-"));
         Self { topic: topic.to_string(), name, rate: Some("1 kHz".to_string()), samples: Arc::default() }
     }
 
-    /// Reads at a rate, such as `"100 Hz"`.
+    /// Sets the rate at which the probe reads, such as `"100 Hz"`.
     #[must_use]
     pub fn rate(mut self, rate: &str) -> Self {
         self.rate = Some(rate.to_string());
         self
     }
 
-    /// Reads at every publication.
+    /// Makes the probe read at every publication.
     #[must_use]
     pub fn triggered(mut self) -> Self {
         self.rate = None;

@@ -15,8 +15,8 @@ use crate::transport::{
     Trigger, quieten,
 };
 
-/// The topics of a plan in shared memory, without a launcher and without components. A thread or process
-/// joins as one of the components with an [`Endpoint`]. Dropping the set removes everything.
+/// The topics of a plan in shared memory, without a launcher and components. A thread or process joins the
+/// topics as one of the components with an [`Endpoint`]. Dropping this value removes the topics.
 #[derive(Debug)]
 pub struct TopicSet {
     folder: RunFolder,
@@ -37,7 +37,7 @@ pub enum TopicSetError {
     /// A topic could not be created or joined.
     #[error(transparent)]
     Port(#[from] PortError),
-    /// The plan has no such component.
+    /// The plan has no component with this name.
     #[error("the plan has no component `{0}`")]
     NoComponent(String),
     /// The component is not triggered by a topic.
@@ -68,7 +68,7 @@ impl TopicSet {
         }
     }
 
-    /// Returns the folder of the topics, as required by [`Endpoint::join`].
+    /// Returns the folder of the topics, for [`Endpoint::join`].
     pub fn path(&self) -> &Path {
         self.folder.path()
     }
@@ -80,7 +80,7 @@ impl Drop for TopicSet {
     }
 }
 
-/// The ports of one component of a plan, opened in this process or another.
+/// The ports of one component of a plan, in this process or another.
 #[derive(Debug)]
 pub struct Endpoint {
     plan: Plan,
@@ -89,7 +89,7 @@ pub struct Endpoint {
 }
 
 impl Endpoint {
-    /// Joins the topics at `path` as one of the components.
+    /// Joins the topics in the folder `path` as one of the components.
     ///
     /// # Errors
     /// The topics do not exist, or the plan has no such component.

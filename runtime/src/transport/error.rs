@@ -2,39 +2,39 @@
 
 use crate::domain::{self, ServiceError};
 
-/// A port could not be opened, or a topic could not be created.
+/// Error of creating a topic or opening a port.
 #[derive(Debug, thiserror::Error)]
 pub enum PortError {
-    /// The component opened an undeclared port.
+    /// The component opened a port that it did not declare.
     #[error("port `{port}` is not declared; declare it in `Component::declare`")]
     NotDeclared {
-        /// The port.
+        /// Name of the port.
         port: String,
     },
-    /// The component opened the port with a type that differs from the declared one.
-    #[error("port `{port}` was declared with one type and opened with another:\n{difference}")]
+    /// The component opened the port with a type other than the declared one.
+    #[error("port `{port}` is opened with a type other than its declared type:\n{difference}")]
     TypeChanged {
-        /// The port.
+        /// Name of the port.
         port: String,
-        /// Both layouts.
+        /// Both layouts side by side, for the message.
         difference: String,
     },
-    /// The topic has a different type.
-    #[error("topic `{topic}` holds another type than port `{port}` expects:\n{difference}")]
+    /// The topic and the port have different types.
+    #[error("topic `{topic}` has a type other than port `{port}` expects:\n{difference}")]
     Layout {
-        /// The topic.
+        /// Name of the topic.
         topic: String,
-        /// The port.
+        /// Name of the port.
         port: String,
-        /// Both layouts.
+        /// Both layouts side by side, for the message.
         difference: String,
     },
-    /// iceoryx2 refused the operation.
+    /// An iceoryx2 operation failed.
     #[error(transparent)]
     Refused(#[from] ServiceError),
 }
 
-/// Returns the error of an operation on a topic.
+/// Returns a function that converts the reason of a failed `action` on a topic to an error.
 pub(crate) fn refused(
     topic: &str,
     action: &'static str,

@@ -13,9 +13,9 @@ use crate::state::{Stamp, StateBuffer};
 
 /// An input port: reads one topic in place.
 ///
-/// A *state* provides its newest value ([`latest`](Self::latest)), which does not change until the next read.
-/// A *stream* provides every value in order ([`next_unread`](Self::next_unread)). An unwired input never has
-/// a value.
+/// On a *state*, [`latest`](Self::latest) returns the newest value, which does not change until the next
+/// read. On a *stream*, [`next_unread`](Self::next_unread) returns every value in order. An unwired input
+/// never has a value.
 ///
 /// ```
 /// # use motorium::prelude::*;
@@ -64,19 +64,19 @@ impl<T: StateBuffer> core::ops::Deref for Reading<'_, T> {
 }
 
 impl<T: StateBuffer> Reading<'_, T> {
-    /// Returns the time and publisher of the value.
+    /// Returns the stamp of the value: its sequence number, times and publisher.
     pub fn stamp(&self) -> Stamp {
         *self.stamp
     }
 
-    /// Returns the time of the state, ns since the start of the run: the scheduled release of the
-    /// time-triggered step at the head of the trigger chain. It is aligned to that step's rate, so difference
+    /// Returns the time of the state, ns since the start of the run. This is the scheduled release of the
+    /// time-triggered step at the head of the trigger chain, on the grid of that step's rate, so difference
     /// quotients do not jitter. `Tick::time_ns` of a time-triggered component is on the same clock.
     pub fn time_ns(&self) -> u64 {
         self.stamp.state_time.saturating_sub(self.context.clock().start_ns())
     }
 
-    /// Returns the time since its publication, ns.
+    /// Returns the time since the value was published, ns.
     pub fn age_ns(&self) -> u64 {
         self.context.clock().now_ns().saturating_sub(self.stamp.publish_time)
     }
@@ -102,14 +102,14 @@ impl<T: StateBuffer> Input<T> {
                 Source::Stream { queue, memory, seen: 0 }
             }
             TopicPattern::Slices { .. } => {
-                let reason = &"it carries slices: open the port with `Setup::slice_input`";
+                let reason = &"the topic contains slices; open the port with `Setup::slice_input`";
                 return Err(refused(&topic.name, "opening a port for single values")(reason));
             }
         };
         Ok(Self { source, effects: place.effects(participant) })
     }
 
-    /// Returns the connection to make before the first step.
+    /// Returns the connection to establish before the first step, if the input reads a stream.
     pub(crate) fn connection(&self) -> Option<Rc<dyn Connect>> {
         match &self.source {
             Source::Stream { queue, .. } => Some(queue.connection()),
@@ -122,7 +122,7 @@ impl<T: StateBuffer> Input<T> {
         !matches!(self.source, Source::Unwired)
     }
 
-    /// Returns `true` if the topic was published since the last read of this input. It is meant for polling
+    /// Returns `true` if the topic was published since the last read of this input. Cheap enough for polling
     /// loops: it reads one word and does not disturb the publisher.
     #[inline]
     pub fn has_news(&self) -> bool {
@@ -134,14 +134,14 @@ impl<T: StateBuffer> Input<T> {
         newest != if self.effects.is_of_this_episode() { seen } else { 0 }
     }
 
-    /// Waits up to `longest` for a publication after the last read of this input. Returns `true` if there is
-    /// one. It may return early on a launcher command or a signal.
+    /// Waits until the topic is published again after the last read of this input, but at most for `longest`.
+    /// Returns `true` if there is a new value. Returns early on a launcher command or a signal.
     ///
     /// Use it in a step that publishes a value and needs another component's reply, such as a bus that
     /// publishes a state and needs the controller's command. Components triggered by the step are woken
-    /// first; this component then sleeps and leaves its core to them. Declare the longest wait with
+    /// first; this component then sleeps and leaves its core to them. Declare the maximum waiting time with
     /// [`Declare::waits`](crate::declare::Declare::waits). In lockstep only one component steps at a time, so
-    /// this never waits.
+    /// the function returns immediately.
     ///
     /// ```
     /// # use motorium::prelude::*;
@@ -170,20 +170,21 @@ impl<T: StateBuffer> Input<T> {
         self.has_news()
     }
 
-    /// Returns the newest value, if any was published. For a stream, this skips earlier values.
+    /// Returns the newest value, or `None` before the first publication. On a stream, this skips earlier
+    /// values.
     #[inline]
     pub fn latest(&mut self) -> Option<Reading<'_, T>> {
         while self.advance() && matches!(self.source, Source::Stream { .. }) {}
         self.read()
     }
 
-    /// Returns the next unread value: the next one in the queue of a stream, or the newest value of a state
-    /// if it is new.
+    /// Returns the next unread value: the next one in the queue of a stream, or the newest value of a state.
+    /// Returns `None` if there is no unread value.
     pub fn next_unread(&mut self) -> Option<Reading<'_, T>> {
         if self.advance() { self.read() } else { None }
     }
 
-    /// Returns the value read last, without reading a newer one.
+    /// Returns the value that was read last, even if there is a newer one.
     #[inline]
     pub fn current(&self) -> Option<Reading<'_, T>> {
         if !self.effects.is_of_this_episode() {
@@ -197,7 +198,7 @@ impl<T: StateBuffer> Input<T> {
         Some(Reading { stamp, payload, context: self.effects.context() })
     }
 
-    /// Returns the number of stream values overwritten before they were read.
+    /// Returns the number of stream values that were overwritten before this input read them.
     pub fn lost(&self) -> u64 {
         if let Source::Stream { queue, .. } = &self.source { queue.lost() } else { 0 }
     }

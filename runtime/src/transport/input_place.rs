@@ -15,7 +15,7 @@ pub(crate) struct InputPlace<'a> {
     /// Index of the port among the readers of the topic.
     pub(crate) pin: usize,
     pub(crate) is_cause: bool,
-    /// Index of the edge from the topic to the component, if its ages are recorded.
+    /// Index of the edge from the topic to the component if the ages of read values are recorded.
     pub(crate) edge: Option<usize>,
 }
 

@@ -15,7 +15,7 @@ use crate::context::Context;
 use crate::declare::{StepError, TopicPattern};
 use crate::state::{Checked, Field, StateBuffer};
 
-/// An output port: the only writer of a topic. A value is filled in place, in shared memory. Values published
+/// An output port: the only writer of a topic. Values are filled in place, in shared memory. Values published
 /// on an unwired output are discarded.
 ///
 /// ```
@@ -46,15 +46,15 @@ enum Sink<T: StateBuffer> {
     Stream(StreamWriter<T>),
 }
 
-/// A value to fill in place and publish. Dropping it publishes nothing.
+/// A value to fill in place and publish. Dropping the loan publishes nothing.
 ///
-/// It contains data of an earlier value, so write every field.
+/// The loan contains data of an earlier value, so write every field.
 #[derive(Debug)]
 pub struct Loan<'a, T: StateBuffer> {
     value: NonNull<T>,
     sample: Option<Lent<T>>,
     output: &'a mut Output<T>,
-    /// Part that was checked while it was written; valid until anything else is written.
+    /// Part of the value that was checked while it was written. Any other write invalidates it.
     checked: Checked,
 }
 
@@ -78,7 +78,7 @@ impl<T: StateBuffer> Output<T> {
             }
             TopicPattern::Stream { .. } => (Sink::Stream(StreamWriter::open(participant, topic, 1)?), None),
             TopicPattern::Slices { .. } => {
-                let reason = &"it carries slices: open the port with `Setup::slice_output`";
+                let reason = &"the topic contains slices; open the port with `Setup::slice_output`";
                 return Err(refused(&topic.name, "opening a port for single values")(reason));
             }
         };
@@ -86,7 +86,7 @@ impl<T: StateBuffer> Output<T> {
         Ok(Self { port, sink, topic, context: participant.context().clone() })
     }
 
-    /// Returns the connection to make before the first step.
+    /// Returns the connection to establish before the first step, if the output writes a stream.
     pub(crate) fn connection(&self) -> Option<Rc<dyn Connect>> {
         match &self.sink {
             Sink::Stream(stream) => Some(stream.connection()),
@@ -99,10 +99,11 @@ impl<T: StateBuffer> Output<T> {
         self.topic.is_some()
     }
 
-    /// Lends the memory of the next value.
+    /// Lends the memory of the next value, to be filled and published.
     ///
     /// # Errors
-    /// Readers still use all samples of a stream, which cannot happen if every reader keeps to its limits.
+    /// All samples of a stream are still in use by readers. Does not occur if every reader respects its
+    /// limits.
     #[inline]
     pub fn loan(&mut self) -> Result<Loan<'_, T>, StepError> {
         let (value, sample) = match &mut self.sink {
@@ -110,9 +111,10 @@ impl<T: StateBuffer> Output<T> {
             // SAFETY: the loan made here is the only user of the slot, because it borrows the output mutably.
             Sink::State(state) => (NonNull::from_mut(unsafe { state.value_mut::<T>() }), None),
             Sink::Stream(stream) => {
-                let mut sample = stream
-                    .lend(1)
-                    .ok_or(StepError::Transport { port: self.port, reason: "no sample could be lent" })?;
+                let mut sample = stream.lend(1).ok_or(StepError::Transport {
+                    port: self.port,
+                    reason: "readers still use all samples",
+                })?;
                 (NonNull::from_mut(sample.payload_mut()).cast::<T>(), Some(sample))
             }
         };
@@ -151,14 +153,14 @@ impl<T: StateBuffer> core::ops::DerefMut for Loan<'_, T> {
 }
 
 impl<T: StateBuffer> Loan<'_, T> {
-    /// Fills an array of the value from its start until the array is full or the numbers run out. Each number
-    /// is checked as it is written, so that [`publish`](Self::publish) does not read the array again. Returns
-    /// the number of values written; the rest of a longer array is unchanged.
+    /// Fills an array of the value with numbers, until the array is full or the numbers run out. Each number
+    /// is checked while it is written, and [`publish`](Self::publish) does not read the array again. Returns
+    /// the count of numbers written; the remaining entries are unchanged.
     ///
     /// Use it for arrays of `f64` and `f32` that are too large for the L1 cache, such as maps, weights and
-    /// images: checking these lasts as long as filling them. Only the last array filled this way is exempt
-    /// from the second check. Set counts and other fields beforehand, because any later write through `&mut`
-    /// makes `publish` check the whole value again.
+    /// images: checking these lasts as long as filling them. Only the last array filled this way skips the
+    /// second check. Set counts and other fields beforehand: any later write through `&mut` makes `publish`
+    /// check the whole value again.
     ///
     /// ```
     /// # use motorium::prelude::*;
@@ -174,7 +176,7 @@ impl<T: StateBuffer> Loan<'_, T> {
     /// ```
     ///
     /// # Panics
-    /// If `array` returns numbers outside the value.
+    /// If `array` returns a slice outside the value.
     pub fn fill_from<E: Field>(
         &mut self,
         array: impl FnOnce(&T) -> &[E],
@@ -185,7 +187,7 @@ impl<T: StateBuffer> Loan<'_, T> {
         let (bytes, length) = (size_of_val(found), found.len());
         let offset = found.as_ptr().addr().wrapping_sub(whole);
         let inside = offset <= size_of::<T>() && bytes <= size_of::<T>() - offset;
-        assert!(inside, "an array of {} bytes that is no part of {}", bytes, T::NAME);
+        assert!(inside, "`array` returned {} bytes outside the loaned {}", bytes, T::NAME);
         // SAFETY: the `bytes` bytes from `offset` on are within the value and contained an array of this
         // type; any bit pattern is valid for it and for any other field there. Nobody else uses the value, as
         // in `deref`, and the reference to it has ended.
@@ -203,19 +205,19 @@ impl<T: StateBuffer> Loan<'_, T> {
     /// Publishes the value and wakes the components that it triggers.
     ///
     /// # Errors
-    /// [`StepError::InvalidOutput`] if a number of the value is not finite or a count exceeds its array;
-    /// readers then keep the older value.
+    /// [`StepError::InvalidOutput`] if a number of the value is not finite or a count exceeds its array.
+    /// Nothing is published then, and readers keep the previous value.
     pub fn publish(self) -> Result<(), StepError> {
         self.finish(None)
     }
 
-    /// Like [`publish`](Self::publish), with the source time of the value, at which it was measured, received
-    /// or recorded, in ns on the clock of [`Stamp`](crate::state::Stamp)s (`CLOCK_MONOTONIC`, or simulated
-    /// time in lockstep).
+    /// Publishes the value like [`publish`](Self::publish), with an explicit source time: the time at which
+    /// it was measured, received or recorded, in ns on the clock of [`Stamp`](crate::state::Stamp)s
+    /// (`CLOCK_MONOTONIC`, or simulated time in lockstep).
     ///
-    /// It replaces the source time of the step's input or, in a step without input, the time of publication.
-    /// End-to-end latencies are measured from it, and a `CommandGate` refuses a command whose source is too
-    /// old. A source time up to 1 ms in the future is replaced by the current time.
+    /// The source time is otherwise inherited from the step's input or, without an input, is the time of
+    /// publication. End-to-end latencies are measured from it, and a `CommandGate` refuses a command whose
+    /// source time is too old. A source time at most 1 ms in the future is replaced by the current time.
     ///
     /// ```
     /// # use motorium::component::RunClock;
@@ -229,8 +231,8 @@ impl<T: StateBuffer> Loan<'_, T> {
     /// ```
     ///
     /// # Errors
-    /// Same as [`publish`](Self::publish), or [`StepError::SourceInFuture`] if the source time is more than 1
-    /// ms in the future. The value is then not published and is counted as refused.
+    /// Same as [`publish`](Self::publish). Also [`StepError::SourceInFuture`] if the source time is more than
+    /// 1 ms in the future; the value is then counted as refused and not published.
     pub fn publish_from(self, source_ns: u64) -> Result<(), StepError> {
         self.finish(Some(source_ns))
     }

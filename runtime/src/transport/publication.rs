@@ -19,10 +19,10 @@ pub(crate) struct OutputPlace<'a> {
     /// Index of the topic.
     pub(crate) index: usize,
     pub(crate) topic: &'a TopicPlan,
-    /// Latency budgets that end at the output.
+    /// The latency budgets that end at the output.
     pub(crate) probes: Vec<Probe>,
-    /// True if the triggered components are woken at the end of the step: a worker runs the steps, and all
-    /// triggered components run on its core.
+    /// True if triggered components are woken only at the end of the step, because a worker runs the steps
+    /// and all triggered components run on its core.
     pub(crate) wakes_late: bool,
     /// True for the emergency-stop topic of the graph.
     pub(crate) is_emergency_stop: bool,
@@ -51,7 +51,7 @@ pub(crate) struct TopicWriter {
 /// Reason why a value was not published.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Unpublished<D> {
-    /// The content is invalid.
+    /// The content is invalid: a number is not finite, or a count exceeds its array.
     Invalid(D),
     /// The context withholds the value.
     Withheld(Withheld),
@@ -69,13 +69,13 @@ impl Unpublished<Defect> {
             Self::Withheld(Withheld::InFuture { ahead_ns }) => {
                 Err(StepError::SourceInFuture { port, ahead_ns })
             }
-            Self::NotSent => Err(StepError::Transport { port, reason: "the sample was not sent" }),
+            Self::NotSent => Err(StepError::Transport { port, reason: "iceoryx2 did not send the sample" }),
         }
     }
 }
 
 impl TopicWriter {
-    /// Creates the writing end of a topic, which uses slots if `state` is given, or else queues.
+    /// Creates the writing end of a topic. It uses the slots of `state` if given, otherwise queues.
     pub(crate) fn new(
         participant: &Participant,
         place: OutputPlace<'_>,

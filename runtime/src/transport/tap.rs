@@ -11,11 +11,12 @@ use crate::os::{Lock, OtherProcess, Owned};
 use crate::plan::TopicPlan;
 use crate::state::{Digest, Stamp, TypeLayout};
 
-/// A reader of every value of a topic, in order, from outside the graph, for tools and recorders.
+/// A reader of every value of a topic, in order, from outside the graph. For tools and recorders.
 ///
-/// The writer does nothing for a tap and never waits for one. Older values of a state are read from its
-/// slots: as many as its `history`, plus a few. Values overwritten before they were read are counted
-/// ([`missed`](Self::missed)). A topic supports four taps at a time; a killed tap is released immediately.
+/// A tap costs the writer nothing, and the writer never waits for one. Older values of a state are read from
+/// its slots, which contain the values of its `history` plus a few. Values overwritten before they were read
+/// are counted ([`missed`](Self::missed)). A topic supports four taps at a time. A tap is released
+/// immediately when its process is killed.
 #[derive(Debug)]
 pub struct Tap {
     layout: TypeLayout,
@@ -37,21 +38,21 @@ enum Source {
 /// A copy of a value that a tap has read.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sample {
-    /// Time and publisher of the value.
+    /// Stamp of the value: its sequence number, times and publisher.
     pub stamp: Stamp,
     /// Bytes of the value, in the layout of the topic.
     pub bytes: Vec<u8>,
 }
 
-/// Returns the index of a topic's first place among the places of all topics of a run.
+/// Returns the index of the topic's first lock among the tap locks of all topics.
 fn first_place(topic: &str) -> u32 {
     let mut digest = Digest::default();
     digest.write(topic.as_bytes());
     (digest.finish() as u32 >> 4) * latest::SIDE_PINS as u32
 }
 
-/// Claims one of a topic's pins for readers outside the graph, with the lock that guards it. The system
-/// releases the lock when this process ends.
+/// Claims one of a topic's pins for readers outside the graph, together with the lock that guards it. The
+/// system releases the lock when this process ends.
 pub(crate) fn side_pin(
     domain: &Domain,
     topic: &TopicPlan,
@@ -61,18 +62,18 @@ pub(crate) fn side_pin(
     let take = |place: usize| Lock::take(&file, first + place as u32).ok().flatten();
     let free = memory.side_pins().enumerate().find_map(|(place, pin)| Some((take(place)?, pin)));
     free.ok_or_else(|| {
-        let full = &"its four places for readers outside the graph are taken by running programs";
+        let full = &"four programs outside the graph already read it, expected at most three others";
         refused(&topic.name, "reading it from outside")(full)
     })
 }
 
 impl Tap {
-    /// Joins a topic. The first value is the newest one of a state, or the next one of a stream. On a topic
-    /// of slices, such as images, the bytes of each value are the consecutive elements of a slice, each in
-    /// the [layout](Self::layout).
+    /// Joins a topic. The first value read is the newest one of a state, or the next one of a stream. On a
+    /// topic of slices, such as images, the bytes of each value are consecutive elements with the
+    /// [layout](Self::layout).
     ///
     /// # Errors
-    /// The run or the topic cannot be opened, or four other programs read it.
+    /// The run or the topic cannot be opened, or four other programs already read the topic.
     pub fn open(domain: &Domain, topic: &TopicPlan) -> Result<Self, PortError> {
         let node = domain.node().map_err(|error| refused(&topic.name, "joining the run")(&error))?;
         let source = if topic.pattern == TopicPattern::State {
@@ -85,12 +86,12 @@ impl Tap {
         Ok(Self { layout: topic.layout.clone(), source: Owned::new(source), _node: Owned::new(node) })
     }
 
-    /// Returns the layout of the topic's values, or of one element of its slices.
+    /// Returns the layout of the topic's values or, on a topic of slices, of their elements.
     pub fn layout(&self) -> &TypeLayout {
         &self.layout
     }
 
-    /// Returns the number of values that were overwritten before they could be read.
+    /// Returns the number of values that were overwritten before this tap read them.
     pub fn missed(&self) -> u64 {
         match &*self.source {
             Source::State(tap) => tap.missed(),
@@ -98,17 +99,17 @@ impl Tap {
         }
     }
 
-    /// Checks that this process opened the tap. In a forked child a tap reads nothing, and dropping it has no
-    /// effect.
+    /// Checks that the current process opened this tap. In a forked child, a tap reads nothing and dropping
+    /// it has no effect.
     ///
     /// # Errors
-    /// Another process opened the tap.
+    /// The tap was opened by another process.
     pub fn check(&self) -> Result<(), OtherProcess> {
         self.source.check()
     }
 
-    /// Passes the stamp and bytes of the next unread value to `read`, in place. Returns `false` if there is
-    /// none yet.
+    /// Passes the stamp and bytes of the next unread value to `read`, without copying. Returns `false` if
+    /// there is no unread value.
     pub fn read(&mut self, read: impl FnOnce(&Stamp, &[u8])) -> bool {
         if !self.source.is_own() {
             return false;
@@ -128,7 +129,7 @@ impl Tap {
         }
     }
 
-    /// Returns a copy of the next unread value, if there is one.
+    /// Returns a copy of the next unread value, or `None` if there is no unread value.
     pub fn next_unread(&mut self) -> Option<Sample> {
         let mut sample = None;
         self.read(|stamp, bytes| sample = Some(Sample { stamp: *stamp, bytes: bytes.to_vec() }));

@@ -13,7 +13,7 @@ use crate::declare::TopicPattern;
 use crate::domain::Shared;
 use crate::plan::TopicPlan;
 
-/// Services of one topic, owned by the launcher so that they outlive every component.
+/// The services of one topic. The launcher owns them, so they outlive every component.
 #[derive(Debug)]
 pub(crate) struct TopicService {
     samples: Samples,
@@ -22,7 +22,7 @@ pub(crate) struct TopicService {
 }
 
 impl TopicService {
-    /// Creates the services of a topic with the exact limits that the plan implies.
+    /// Creates the services of a topic, with limits derived from the plan.
     pub(crate) fn create(node: &Node<Shared>, topic: &TopicPlan) -> Result<Self, PortError> {
         let depth = match topic.pattern {
             TopicPattern::State => 1,

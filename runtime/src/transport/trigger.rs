@@ -11,12 +11,12 @@ use crate::os::{Backoff, current_core, monotonic_ns};
 /// of a wake-up from there.
 pub(crate) const SPIN_NS: u64 = 20_000;
 
-/// The waiting side of a topic: it sleeps until the next publication.
+/// The waiting side of a topic: sleeps until the next publication.
 ///
-/// If the publisher runs on another core, a wake-up costs far more than reading the data, so the waiter polls
-/// for about that time before it sleeps. After an unsuccessful poll the next wait skips polling, then the
-/// next two, and so on up to 64. A component that waits for a millisecond at a time thus spends less than 0.1
-/// % of its core on polling.
+/// If the publisher runs on another core, a wake-up costs far more than reading the data. Therefore the
+/// waiter polls for about that time before it sleeps. After an unsuccessful poll the next wait skips polling,
+/// then the next two, and so on up to 64. A component that waits for a millisecond at a time thus spends less
+/// than 0.1 % of its core on polling.
 #[derive(Debug)]
 pub struct Trigger {
     memory: Rc<TopicMemory>,
@@ -25,14 +25,14 @@ pub struct Trigger {
 }
 
 impl Trigger {
-    /// Creates a trigger that waits for publications from the first one on, or for later ones if the
-    /// component was restarted.
+    /// Creates a trigger. It is due from the first publication on or, if the component was restarted, from
+    /// the next one.
     pub(super) fn new(memory: Rc<TopicMemory>, restarts: u32) -> Self {
         let seen = if restarts == 0 { Newest::default() } else { memory.newest() };
         Self { memory, seen: Cell::new(seen), backoff: Backoff::default() }
     }
 
-    /// Waits for a publication, a command of the launcher, or a signal.
+    /// Waits for a publication, a launcher command, or a signal.
     pub fn wait(&self) {
         self.wait_until(None);
     }
@@ -49,13 +49,13 @@ impl Trigger {
         sleeps
     }
 
-    /// Returns `true` if there was a publication since the last call or wait. Never waits.
+    /// Returns `true` if there was a publication since the last call or wait. Does not wait.
     pub fn is_due(&self) -> bool {
         let newest = self.memory.newest();
         self.seen.replace(newest).number() != newest.number()
     }
 
-    /// Returns the number of the last publication before this trigger waits for the first time.
+    /// Returns the number of the last publication that does not count as new for the first wait.
     pub(crate) fn first_seen(&self) -> u64 {
         self.seen.get().number()
     }

@@ -53,7 +53,7 @@ pub(super) fn catch_panic_messages() {
     });
 }
 
-/// Runs a call into a component and converts a panic to an error.
+/// Runs a call into a component. Converts a panic to an error.
 #[inline(always)]
 pub(super) fn guard<R, E: From<Cause>>(call: impl FnOnce() -> Result<R, E>) -> Result<R, E> {
     let outer = INSIDE.replace(true);

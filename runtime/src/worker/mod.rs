@@ -48,7 +48,7 @@ use crate::transport::{Connect, Trigger};
 use failure::Cause;
 use stepper::{AnyComponent, Stepper};
 
-/// A component of a run, ready to run.
+/// A component of a run that is ready to be configured and run.
 #[derive(Debug)]
 pub struct Worker {
     folder: RunFolder,
@@ -58,12 +58,12 @@ pub struct Worker {
     own_process: bool,
 }
 
-/// Outcome of running a component.
+/// Outcome of running a component from configuration to its end.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Outcome {
     /// The component ended in an orderly way.
     Stopped,
-    /// The component failed; the reason is in its block of the control block.
+    /// The component failed. The reason is in the component's part of the control block.
     Failed,
 }
 
@@ -71,7 +71,7 @@ impl Worker {
     /// Opens the worker of a component in a separate process.
     ///
     /// # Errors
-    /// The run's folder cannot be read, or the run has no such component.
+    /// The folder of the run cannot be read, or the run has no such component.
     pub fn open(folder: RunFolder, component: &str) -> Result<Self, String> {
         let plan = folder.plan().map_err(|error| error.to_string())?;
         let region = folder.region().map_err(|error| error.to_string())?;
@@ -95,7 +95,7 @@ impl Worker {
         self
     }
 
-    /// Returns the plan's entry for this component.
+    /// Returns the component's entry in the plan.
     pub fn component(&self) -> &crate::plan::ComponentPlan {
         &self.plan.components[self.index]
     }
@@ -235,7 +235,7 @@ struct Configured {
 }
 
 const NO_DESCRIPTOR: &str =
-    "its steps are released by a descriptor, and its `configure` has named none by `wake_on`";
+    "its steps are released by a descriptor, but its `configure` set none with `Setup::wake_on`";
 
 /// The type-specific part of a configuration: it reads the `config` table.
 type Make = Box<dyn FnOnce(serde_json::Value) -> Result<Configure, ConfigError>>;

@@ -5,62 +5,62 @@ use serde::{Deserialize, Serialize};
 use super::Kind;
 use crate::declare::{ConfigError, Declaration, Placement, RobotReference};
 
-/// First argument of a program that should describe its component.
+/// First argument of a program that is requested to describe its component.
 pub const DESCRIBE: &str = "motorium-describe";
-/// First argument of a program that should list the kinds of components it hosts.
+/// First argument of a program that is requested to list the kinds of components that it hosts.
 pub const KINDS: &str = "motorium-kinds";
-/// First argument of a program that should run its component; the run's folder and the component's name
-/// follow.
+/// First argument of a program that is requested to run its component. The folder of the run and the name of
+/// the component follow.
 pub const WORKER: &str = "motorium-worker";
 
-/// First argument of a program that should guard a run; the run's folder follows.
+/// First argument of a program that is requested to guard a run. The folder of the run follows.
 pub const GUARD: &str = "motorium-guard";
 
-/// First argument of a program that should release the slots of a run's dead processes; the run's folder
-/// follows.
+/// First argument of a program that is requested to free the slots of a run's dead processes. The folder of
+/// the run follows.
 pub const CLEANER: &str = "motorium-cleaner";
 
-/// The request to a program to describe its component: JSON on standard input.
+/// A request to a program to describe its component, as JSON on standard input.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct DescribeRequest {
-    /// The kind of the component, for a program that hosts several.
+    /// Kind of the component, for a program that hosts several kinds.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub kind: Option<String>,
-    /// The `config` table.
+    /// The `config` table of the component.
     pub config: serde_json::Value,
-    /// The robot that the graph assigns to the component by `robot`.
+    /// Robot that the graph assigns to the component by `robot`.
     pub robot: Option<RobotReference>,
-    /// The robots that the graph assigns to the component by `robots`.
+    /// Robots that the graph assigns to the component by `robots`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub robots: Vec<RobotReference>,
-    /// Its placement in the graph.
+    /// Placement of the component in the graph.
     #[serde(default)]
     pub placement: Placement,
 }
 
-/// The description of a component: JSON on standard output.
+/// Answer to a [`DescribeRequest`], as JSON on standard output.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct DescribeAnswer {
-    /// Version of motorium the program was built with.
+    /// Version of motorium with which the program was built.
     pub motorium: String,
-    /// Digest of the layout of a run's shared memory, as in [`KindsAnswer`]; empty from builds that did not
-    /// report it.
+    /// Digest of the layout of shared memory, as in [`KindsAnswer`]; empty from builds that did not report
+    /// it.
     #[serde(default)]
     pub memory: String,
-    /// The declaration, unless the configuration was refused.
+    /// Declaration of the component; `None` if it rejected the configuration.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub declaration: Option<Declaration>,
-    /// The error, if the configuration was refused.
+    /// Error; `None` if the component accepted the configuration.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub error: Option<DescribeError>,
 }
 
-/// The kinds of components that a program hosts: JSON on standard output.
+/// The kinds of components that a program hosts, as JSON on standard output.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct KindsAnswer {
-    /// Version of motorium the program was built with.
+    /// Version of motorium with which the program was built.
     pub motorium: String,
-    /// Digest of the layout of a run's shared memory as the program knows it.
+    /// Digest of the layout of shared memory in this program.
     pub memory: String,
     /// The kinds, sorted by name.
     pub kinds: Vec<KindAnswer>,
@@ -69,22 +69,23 @@ pub struct KindsAnswer {
 /// A kind of component that a program hosts.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct KindAnswer {
-    /// Its name in graph files.
+    /// Name of the kind in graph files.
     pub name: String,
-    /// One line of explanation.
+    /// One line of explanation, for lists.
     pub summary: String,
-    /// True if its configuration has a key `world`, which defaults to the graph's `[world]`.
+    /// True if the kind's configuration has a key `world`, which defaults to the graph's `[world]`.
     pub reads_world: bool,
-    /// True if its configuration has a key `gravity`, which defaults to the gravity of the graph's `[world]`.
+    /// True if the kind's configuration has a key `gravity`, which defaults to the gravity of the graph's
+    /// `[world]`.
     pub reads_gravity: bool,
-    /// The JSON Schema of its `config` table.
+    /// JSON Schema of the kind's `config` table.
     pub schema: serde_json::Value,
-    /// The definitions to which the schema refers.
+    /// Definitions to which the schema refers.
     pub definitions: serde_json::Value,
 }
 
 impl KindAnswer {
-    /// Describes a kind.
+    /// Creates the description of a kind.
     pub fn from_kind(kind: &Kind) -> Self {
         let (schema, definitions) = kind.config_schema();
         Self {
@@ -98,14 +99,14 @@ impl KindAnswer {
     }
 }
 
-/// An error of a configuration.
+/// An error of a component's configuration.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct DescribeError {
-    /// The key at fault.
+    /// Key of the `config` table that is at fault, dotted; `None` if no single key is.
     pub key: Option<String>,
-    /// Found value and expected values.
+    /// Message with the found value and the expected values.
     pub message: String,
-    /// Advice, in one sentence.
+    /// Advice in one sentence, or `None`.
     pub advice: Option<String>,
 }
 

@@ -1,4 +1,4 @@
-//! Component types known by name.
+//! Component types, by name.
 
 use std::path::Path;
 
@@ -7,16 +7,17 @@ use super::{Failure, MakeType, Outcome, Worker};
 use crate::component::{Component, DynamicComponent};
 use crate::declare::{ConfigError, Declaration, Declare, RobotReference};
 
-/// A component type known by name, with the functions that launcher and worker call.
+/// A component type with its name, and the functions that the launcher and the worker call.
 #[derive(Debug, Clone, Copy)]
 pub struct Kind {
-    /// Its name in graph files, `family.name`.
+    /// Name of the kind in graph files, `family.name`.
     pub name: &'static str,
-    /// One line of explanation.
+    /// One line of explanation, for lists.
     pub summary: &'static str,
-    /// True if its configuration has a key `world`, which defaults to the graph's `[world]`.
+    /// True if the kind's configuration has a key `world`, which defaults to the graph's `[world]`.
     pub reads_world: bool,
-    /// True if its configuration has a key `gravity`, which defaults to the gravity of the graph's `[world]`.
+    /// True if the kind's configuration has a key `gravity`, which defaults to the gravity of the graph's
+    /// `[world]`.
     pub reads_gravity: bool,
     declare: DeclareFunction,
     schema: fn(&mut schemars::SchemaGenerator) -> schemars::Schema,
@@ -25,21 +26,21 @@ pub struct Kind {
 
 type DeclareFunction = fn(serde_json::Value, Declare) -> Result<Declaration, ConfigProblem>;
 
-/// A refused configuration.
+/// A configuration that was rejected.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ConfigProblem {
-    /// True if the configuration could not be parsed, so that the component has not seen it.
+    /// True if the configuration could not be parsed. The component has then not seen it.
     pub unread: bool,
-    /// Found value and expected values, with the key at fault.
+    /// Error with the key at fault, the found value and the expected values.
     pub error: ConfigError,
 }
 
 impl Kind {
-    /// Returns the kind of a component type.
+    /// Creates the kind of a component type.
     ///
-    /// A library should return its kinds from a function marked `#[inline(never)]`, so that their steps are
-    /// compiled and optimised with the library. A short function would be inlined, and the steps would be
-    /// compiled with the optimisation of each caller.
+    /// A library should return its kinds from a function marked `#[inline(never)]`. The steps of its
+    /// components are then compiled and optimised with the library. If the function were inlined, they would
+    /// be compiled with the optimisation of each caller.
     pub const fn of<C: Component>() -> Self {
         Self {
             name: C::KIND,
@@ -52,10 +53,10 @@ impl Kind {
         }
     }
 
-    /// Reads a configuration and declares the ports and parameters that follow from it.
+    /// Parses a configuration and returns the ports and parameters that the component declares for it.
     ///
     /// # Errors
-    /// The configuration is invalid; the error names the key.
+    /// The configuration is invalid. The error names the key.
     pub fn declare(
         &self,
         config: serde_json::Value,
@@ -64,8 +65,8 @@ impl Kind {
         self.declare_in(config, Declare::new(robot))
     }
 
-    /// Like [`declare`](Self::declare), but into a declaration that already has its robots and its placement
-    /// in the graph.
+    /// Same as [`declare`](Self::declare), with a declaration that already contains the robots and the
+    /// placement in the graph.
     ///
     /// # Errors
     /// The configuration is invalid, or a component of this kind supports at most one robot.
@@ -87,7 +88,7 @@ impl Kind {
         super::hosted::open(host, index, Box::new(self.make))
     }
 
-    /// Returns the JSON Schema (draft 7) of the `config` table, and the definitions that it refers to.
+    /// Returns the JSON Schema (draft 7) of the `config` table, and the definitions to which it refers.
     pub fn config_schema(&self) -> (serde_json::Value, serde_json::Value) {
         let mut generator = schemars::generate::SchemaSettings::draft07().for_deserialize().into_generator();
         let schema = self.schema(&mut generator).to_value();
@@ -129,7 +130,7 @@ fn declaration(
     resets: bool,
 ) -> Result<Declaration, ConfigProblem> {
     if !declare.robots_fit() {
-        let error = ConfigError::key("robots", format!("`{kind}` works on one robot at most"))
+        let error = ConfigError::key("robots", format!("`{kind}` supports at most one robot"))
             .advise("give it one by `robot = \"NAME\"`, and each of the others a separate component");
         return Err(ConfigProblem { unread: false, error });
     }
@@ -137,37 +138,36 @@ fn declaration(
     Ok(Declaration { resets, ..declare.into_declaration() })
 }
 
-/// Checks that the model of a robot exists and can be loaded, with its profile. Returns warnings. The error
-/// contains the reason and advice, and names the invalid key if it is not `urdf`.
+/// Function that checks that the model and the profile of a robot exist and can be loaded. Returns warnings.
+/// The error contains the reason and advice, and names the invalid key if it is not `urdf`.
 pub type RobotCheck = fn(&RobotReference) -> Result<Vec<String>, ConfigError>;
 
-/// Reads the gravity \[m/s^2\] from a file named by a graph's `[world]`. The error contains the reason why it
-/// cannot be read.
+/// Function that reads the gravity \[m/s^2\] from a file named by a graph's `[world]`. The error contains the
+/// reason why the file cannot be read.
 pub type GravityOfFile = fn(&Path) -> Result<[f64; 3], ConfigError>;
 
-/// Robots that a program can load. The runtime itself provides none.
+/// Access to the robots that a program can load. The runtime itself provides none.
 #[derive(Debug, Clone, Copy)]
 pub struct RobotSource {
-    /// Checks a robot of the graph file.
+    /// Checks a robot of a graph file.
     pub check: RobotCheck,
 }
 
 /// Another installed program that hosts kinds of components.
 ///
-/// The program is next to the one that checks the graph, or on `PATH`.
+/// The program must be in the same folder as the one that checks the graph, or on `PATH`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Sibling {
-    /// First part of the names of its kinds, such as `view` of `view.web`.
+    /// First part of the names of the program's kinds, such as `view` of `view.web`.
     pub family: &'static str,
     /// Name of the program.
     pub program: &'static str,
-    /// Command that installs it from a checkout of motorium; `None` for a program that is not part of
-    /// motorium.
+    /// Command that installs the program from a checkout of motorium; `None` for a program that is not part
+    /// of motorium.
     pub install: Option<&'static str>,
 }
 
-/// The component kinds that a program can host, the robots that it can load, and the programs that may host
-/// further kinds.
+/// The component kinds and robots of a program, and the other programs that may host further kinds.
 #[derive(Debug, Clone)]
 pub struct Registry {
     kinds: Vec<Kind>,
@@ -177,7 +177,7 @@ pub struct Registry {
 }
 
 impl Registry {
-    /// Creates a registry of kinds, sorted by name.
+    /// Creates a registry of kinds, which it sorts by name.
     ///
     /// # Panics
     /// If two kinds have the same name, which is an error in the program.
@@ -196,20 +196,20 @@ impl Registry {
         Self { siblings, ..self }
     }
 
-    /// Returns the registry with a reader for the gravity stated in the file of a graph's `[world]`:
-    /// `motorium_worlds::gravity_of_file` reads MJCF, URDF and SDF. Without one, kinds that read gravity keep
-    /// their own default if `[world]` leaves gravity to its file, and a check warns about it.
+    /// Returns the registry with a reader for the gravity in the file of a graph's `[world]`.
+    /// `motorium_worlds::gravity_of_file` reads MJCF, URDF and SDF. Without a reader, kinds that read gravity
+    /// use their default if `[world]` leaves gravity to its file, and `motorium check` warns about it.
     #[must_use]
     pub fn with_gravity_of_file(self, reader: GravityOfFile) -> Self {
         Self { gravity_of_file: Some(reader), ..self }
     }
 
-    /// Returns the reader for the gravity of world files.
+    /// Returns the reader for the gravity of world files, or `None`.
     pub fn gravity_of_file(&self) -> Option<GravityOfFile> {
         self.gravity_of_file
     }
 
-    /// Returns the program that would host a kind with this name, unless this program does.
+    /// Returns the other program that is registered for the family of this kind, or `None` if none is.
     pub fn sibling(&self, kind: &str) -> Option<&Sibling> {
         let (family, _) = kind.split_once('.')?;
         self.siblings.iter().find(|sibling| sibling.family == family)
@@ -225,12 +225,12 @@ impl Registry {
         &self.kinds
     }
 
-    /// Returns the kind with this name.
+    /// Returns the kind with this name, or `None` if this program does not host it.
     pub fn find(&self, name: &str) -> Option<&Kind> {
         self.kinds.binary_search_by_key(&name, |kind| kind.name).ok().map(|i| &self.kinds[i])
     }
 
-    /// Returns the robots that the program can load.
+    /// Returns the access to the robots that the program can load.
     pub fn robots(&self) -> RobotSource {
         self.robots
     }

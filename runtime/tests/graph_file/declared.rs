@@ -149,7 +149,7 @@ fn component_that_is_not_real_time_is_normal() {
     let accepted = check(&text("schedule = \"normal\""));
     assert!(warned(&accepted).is_none());
     let insists = check(&text("schedule = \"fifo\""));
-    assert!(warned(&insists).is_some_and(|warning| warning.contains("insists on a real-time class")));
+    assert!(warned(&insists).is_some_and(|warning| warning.contains("requests a real-time class")));
     assert!(matches!(class(&insists), SchedulingClass::Fifo(_)));
     let simulated = check(&text("").replace("name = \"script\"", "name = \"script\"\nclock = \"lockstep\""));
     assert!(warned(&simulated).is_none(), "nothing has a deadline");
@@ -186,7 +186,7 @@ fn component_warning_is_shown_at_its_key_or_component() {
     let warnings = check_at(&path, text).warnings;
     let reports: Vec<_> = warnings.iter().map(|warning| warning.report()).collect();
     let ours: Vec<_> =
-        reports.iter().filter(|report| report.label == "`test.surveyor` warns of this").collect();
+        reports.iter().filter(|report| report.label == "`test.surveyor` warns about this").collect();
     let place = |line, column| (Some(line), Some(column));
     assert_eq!((ours[0].line, ours[0].column), place(2, 12));
     assert_eq!(ours[0].message, "component `mine`: it steps more often than it need");

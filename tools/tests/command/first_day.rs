@@ -55,7 +55,7 @@ fn broken_graph_is_refused_with_value_and_advice() {
             "policy.config.goals=[{offset=[0.1,0.0,0.0],duration=\"1 m\"}]",
             &["unknown unit \"m\"", "ns, us, ms, s and min"],
         ),
-        ("physics.rate=1000", &["give it its unit: \"1000 Hz\""]),
+        ("physics.rate=1000", &["add its unit: \"1000 Hz\""]),
         // Numbers of another type, and of another count.
         (
             "controller.config.kp=\"stiff\"",

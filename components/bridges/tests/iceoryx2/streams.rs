@@ -376,7 +376,7 @@ fn ports_that_carry_something_else_are_refused() {
     };
     for (config, reason) in [
         ("out = [\"poses\"]\nout_streams = [\"poses\"]", "two ports named `poses`"),
-        ("out_slices = [\"poses\"]", "carries slices on one side"),
+        ("out_slices = [\"poses\"]", "has slices at one port"),
         (
             "out = [\"poses\"]\nin.goals = { type = \"u8\", pattern = { stream = { capacity = 0 } } }",
             "a capacity of 0, expected 1 to 1024",

@@ -181,7 +181,7 @@ fn invalid_settings_of_several_robots_are_found_early() {
         (
             "[component.left-driver]",
             "[component.left-driver]\nrobots = [\"left\"]",
-            "works on one robot at most",
+            "supports at most one robot",
         ),
         ("rate = \"1 kHz\"", "rate = \"1 kHz\"\nconfig = { position = [0.0] }", "start.NAME.position"),
         (

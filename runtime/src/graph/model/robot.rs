@@ -13,32 +13,35 @@ use crate::graph::values::{Named, Number, Triple};
 #[derive(Debug, JsonSchema)]
 #[schemars(deny_unknown_fields, rename = "Robot", extend("anyOf" = [{ "required": ["urdf"] }, { "required": ["mjcf"] }]))]
 pub(in crate::graph) struct RobotTable {
-    /// Its model: a catalogue name, a folder, or a URDF or MJCF file (relative to the graph file). Either
-    /// this or `mjcf`.
+    /// Model of the robot: a catalogue name, a folder, or a URDF or MJCF file (relative to the graph file).
+    /// Set either this or `mjcf`.
     pub urdf: Option<At<String>>,
-    /// Its model in an MJCF file, or a folder with one (relative to the graph file). Either this or `urdf`.
+    /// Model of the robot: an MJCF file, or a folder that contains one (relative to the graph file). Set
+    /// either this or `urdf`.
     pub mjcf: Option<At<String>>,
-    /// Its profile, a TOML file (relative to the graph file). Default: the catalogue's profile, or the
-    /// `.toml` of the same name next to the robot's file.
+    /// Profile of the robot, a TOML file (relative to the graph file). Default: the catalogue's profile, or
+    /// the `.toml` file of the same name next to the model's file.
     pub profile: Option<At<String>>,
-    /// Folders searched first for `package://` files of its model (relative to the graph file). Default none.
+    /// Folders to search first for `package://` files of the model (relative to the graph file). Default:
+    /// none.
     pub package_path: Option<At<Vec<At<String>>>>,
-    /// Pose of its base in the world. Default: the origin, or the pose in its profile for a floating base.
+    /// Pose of the robot's base in the world. Default: the origin or, for a floating base, the pose in the
+    /// profile.
     pub base: Option<At<BaseTable>>,
-    /// The moving joints: names of joints, or of end effectors of its profile for the joints that move them.
-    /// The others are held in the `start` pose, unless `fixed` has a position, and are not part of states and
-    /// commands. Default: all except those in `fixed`.
+    /// Moving joints: names of joints, or names of end effectors in the profile, which stand for the joints
+    /// that move them. The other joints are held in the `start` pose, or at their position in `fixed`, and
+    /// are not part of states and commands. Default: all joints except those in `fixed`.
     pub joints: Option<At<Vec<At<String>>>>,
-    /// Positions at which joints are held (rad or m). Default: none.
+    /// Positions at which joints are held (rad or m), by joint name. Default: none.
     pub fixed: Option<At<Named<Number>>>,
-    /// The link moved by tasks. Default: the link of the only end effector of its profile.
+    /// Link that tasks move. Default: the link of the only end effector in the profile.
     pub frame: Option<At<String>>,
-    /// Start and home pose: a pose of its profile, one number for all joints, or a list with one number per
-    /// joint (rad or m). Default: the home pose of its profile.
+    /// Start and home pose: the name of a pose in the profile, one number for all joints, or a list with one
+    /// number per joint (rad or m). Default: the home pose of the profile.
     pub start: Option<At<ParameterValue>>,
-    /// Gains of its joints. Default: the profile's gains.
+    /// Gains of the robot's joints. Default: the gains of the profile.
     pub gains: Option<At<GainsTable>>,
-    /// Known keys that misspelt ones probably mean.
+    /// Known keys of which the file's unknown keys are probably misspellings.
     #[schemars(skip)]
     pub meant: Vec<&'static str>,
 }
@@ -73,13 +76,13 @@ impl RobotTable {
     }
 }
 
-/// Gains of the joints of a robot: one number for all, or a list of one for each.
+/// Gains of a robot's joints: one number for all joints, or a list with one number per joint.
 #[derive(Debug, JsonSchema)]
 #[schemars(deny_unknown_fields, rename = "Gains")]
 pub(in crate::graph) struct GainsTable {
-    /// Stiffness (N m/rad, N/m).
+    /// Stiffness (N m/rad or N/m).
     pub kp: Option<At<ParameterValue>>,
-    /// Damping (N m s/rad, N s/m).
+    /// Damping (N m s/rad or N s/m).
     pub kd: Option<At<ParameterValue>>,
 }
 
@@ -102,9 +105,9 @@ impl<'i> Read<'i> for GainsTable {
 #[derive(Debug, JsonSchema)]
 #[schemars(deny_unknown_fields, rename = "Base")]
 pub(in crate::graph) struct BaseTable {
-    /// Position of its origin (m).
+    /// Position of the base frame's origin (m).
     pub position: Option<At<Triple>>,
-    /// Roll, pitch, yaw about the fixed axes x, y, z, in this order (rad).
+    /// Roll, pitch and yaw about the fixed axes x, y and z, in this order (rad).
     pub rpy: Option<At<Triple>>,
 }
 

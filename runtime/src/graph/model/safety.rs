@@ -14,32 +14,34 @@ use crate::units::TimeSpan;
 #[derive(Debug, JsonSchema)]
 #[schemars(deny_unknown_fields, rename = "Safety")]
 pub(in crate::graph) struct SafetyTable {
-    /// A command older than this is never applied.
+    /// Maximum age of a command since its publication. Older commands are never applied.
     #[schemars(extend("default" = defaults::STALE_AFTER))]
     pub stale_after: Option<At<TimeSpan>>,
-    /// State applied instead.
+    /// Safe state: the state that an actuator applies without a valid command.
     #[schemars(extend("default" = defaults::SAFE_STATE))]
     pub safe_state: Option<At<SafeState>>,
-    /// Time that the actuators stay in the safe state before they are stopped, at every end of a run.
+    /// Time for which actuators stay in the safe state before they are stopped, at every end of a run.
     #[schemars(extend("default" = defaults::SETTLE))]
     pub settle: Option<At<TimeSpan>>,
-    /// A command computed from a measurement older than this is never applied. Default: `stale_after` and
-    /// twice the periods of the components from the measurement to the command.
+    /// Maximum age of the measurement from which a command was computed. Commands from older measurements are
+    /// never applied. Default: `stale_after`, plus twice the periods of the components from the measurement
+    /// to the command.
     pub source_stale_after: Option<At<TimeSpan>>,
-    /// Treatment of a command beyond a limit of the robot's joints.
+    /// Policy for a command that exceeds a limit of the robot's joints.
     #[schemars(extend("default" = defaults::LIMITS))]
     pub limits: Option<At<LimitPolicy>>,
     /// Recovery from the safe state once commands are fresh again.
     #[schemars(extend("default" = defaults::RESUME))]
     pub resume: Option<At<ResumeRule>>,
-    /// Topic of `motorium.EmergencyStop`: a pressed stop keeps every actuator in its safe state until
+    /// Topic of type `motorium.EmergencyStop`. A pressed stop keeps every actuator in its safe state until
     /// `motorium resume`.
     pub emergency_stop: Option<At<TopicName>>,
-    /// Maximum age of the newest message on that topic. A longer silence counts as a pressed emergency stop.
+    /// Maximum age of the newest message on the emergency-stop topic. A longer silence counts as a pressed
+    /// emergency stop.
     #[schemars(extend("default" = defaults::EMERGENCY_STOP_MAX_AGE))]
     pub emergency_stop_max_age: Option<At<TimeSpan>>,
-    /// For an actuator with several robots: if true, one robot without a valid command puts all of them into
-    /// the safe state; otherwise each stops independently.
+    /// For an actuator with several robots. If true, one robot without a valid command puts all of them into
+    /// the safe state; otherwise each robot stops independently.
     #[schemars(extend("default" = false))]
     pub stop_together: Option<At<bool>>,
 }
@@ -68,15 +70,16 @@ impl<'i> Read<'i> for SafetyTable {
 #[derive(Debug, JsonSchema)]
 #[schemars(deny_unknown_fields, rename = "ActuatorSafety")]
 pub(in crate::graph) struct ActuatorSafetyTable {
-    /// A command older than this is never applied: at least a period of the component that writes the
-    /// commands. The limit on the age of measurements changes by as much.
+    /// Maximum age of a command since its publication, at least one period of the component that writes the
+    /// commands. Older commands are never applied. The maximum age of measurements changes by the same
+    /// amount.
     pub stale_after: Option<At<TimeSpan>>,
-    /// State applied instead.
+    /// Safe state: the state that an actuator applies without a valid command.
     pub safe_state: Option<At<SafeState>>,
     /// Recovery from the safe state once commands are fresh again.
     pub resume: Option<At<ResumeRule>>,
-    /// Time that this actuator stays in the safe state before it is stopped, at every end of a run. All
-    /// actuators wait for the longest time.
+    /// Time for which this actuator stays in the safe state before it is stopped, at every end of a run. All
+    /// actuators wait for the longest of these times.
     pub settle: Option<At<TimeSpan>>,
 }
 

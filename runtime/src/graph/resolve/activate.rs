@@ -27,23 +27,23 @@ pub(super) fn resolve(
     if let [(Some(place), key), ..] | [_, (Some(place), key)] = other {
         report
             .error(format!("component `{name}` has both `{key}` and `activate`"))
-            .label(&at.key, "a component is released in one way")
-            .and(place, "another one here")
+            .label(&at.key, "expected only one way to release the component")
+            .and(place, "another way is set here")
             .advise("leave one of them out");
         return None;
     }
     if let Some(phase) = &table.phase {
         report
             .error(format!("component `{name}` has a phase but no rate"))
-            .label(&phase.key, "has no meaning for a component that events release")
-            .and(&at.key, "it steps when an event comes")
+            .label(&phase.key, "does not apply to a component released by events")
+            .and(&at.key, "it steps when an event arrives")
             .advise("leave `phase` out");
     }
     can_wait(draft, at, report);
     if clock == ClockKind::Lockstep {
         report
-            .error(format!("component `{name}` waits for events, and in lockstep there are none"))
-            .label(&at.key, "events come in real time, from outside the graph")
+            .error(format!("component `{name}` is released by events, which do not occur in lockstep"))
+            .label(&at.key, "events arrive in real time, from outside the graph")
             .advise(
                 "in lockstep give it a `rate` instead of `activate`: it then polls for events at each step, and runs are not \
                  reproducible; or replace it by a component that simulates the source",
@@ -63,7 +63,7 @@ pub(super) fn resolve(
         report
             .error(format!("the `min_interval` of component `{name}` is {time}"))
             .label(&interval.span, format!("expected {SHORTEST} or more"))
-            .advise("a sufficient time between two steps: \"1 ms\"");
+            .advise("leave enough time between two steps, such as \"1 ms\"");
         return None;
     }
     values.on.as_ref()?.get()?;
@@ -77,11 +77,11 @@ fn can_wait(draft: &Draft<'_, '_>, at: &At<ActivateTable>, report: &mut Report) 
     }
     let kind = draft.table.kind.as_ref().or(draft.table.exec.as_ref());
     let diagnostic = report
-        .error(format!("component `{}` has no descriptor that could release it", draft.name))
-        .label(&at.span, "only kinds that wait for something outside the graph have one")
+        .error(format!("component `{}` has no file descriptor that could release its steps", draft.name))
+        .label(&at.span, "only kinds that wait for devices or programs outside the graph have one")
         .advise("give it a `rate`, or a `trigger`");
     if let Some(kind) = kind.filter(|kind| kind.get().is_some()) {
-        diagnostic.and(&kind.span, "this one reads and writes topics only");
+        diagnostic.and(&kind.span, "this kind reads and writes topics only");
     }
 }
 
@@ -91,12 +91,12 @@ pub(super) fn not_by_the_clock<'d>(
     draft: &'d Draft<'_, '_>,
 ) -> Option<(&'d Span, &'static str, &'static str)> {
     if let Some(trigger) = &draft.table.trigger {
-        let why = "has no meaning for a triggered component";
-        return Some((&trigger.key, why, "it steps when this is published"));
+        let why = "does not apply to a triggered component";
+        return Some((&trigger.key, why, "it steps when this topic is published"));
     }
     let activate = draft.table.activate.as_ref()?;
-    let why = "has no meaning for a component that events release";
-    Some((&activate.key, why, "it steps when an event comes"))
+    let why = "does not apply to a component released by events";
+    Some((&activate.key, why, "it steps when an event arrives"))
 }
 
 /// Returns advice for a component without an activation whose kind has a descriptor.

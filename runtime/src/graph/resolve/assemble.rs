@@ -22,14 +22,14 @@ pub(super) struct Parts<'g, 'i> {
     pub wiring: Wiring,
     pub timing: Timing,
     pub scheduling: Scheduling,
-    /// By component.
+    /// Liveness limits of each component.
     pub liveness: Vec<LivenessPlan>,
     pub parameters: Vec<Vec<ParameterPlan>>,
     pub latencies: Latencies,
-    /// Values kept for taps, by topic.
+    /// Number of values that each topic keeps for taps.
     pub histories: Vec<usize>,
     pub safety: SafetyPlan,
-    /// By component.
+    /// Safety settings of each component; `None` if the graph's settings apply.
     pub actuators: Vec<Option<ActuatorSafety>>,
     pub expectations: Vec<Expectation>,
     pub order: Vec<usize>,

@@ -30,17 +30,17 @@ use crate::worker::{ConfigProblem, DescribeRequest};
 /// analysis.
 const MOST: usize = 512;
 
-/// Time for the declaration of a component.
+/// Time that the declaration of a component lasted.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
 pub struct DeclareTime {
-    /// The component.
+    /// Name of the component.
     pub component: String,
-    /// Wall time of its [`declare`](crate::component::Component::declare), ns; for a separate program
-    /// including its start and end.
+    /// Wall-clock time of the component's [`declare`](crate::component::Component::declare), ns. For a
+    /// separate program this includes its start and end.
     pub wall_ns: u64,
 }
 
-/// Declaration time of a component above which `motorium check` warns, ns.
+/// Declaration time above which `motorium check` prints a warning, ns.
 pub const DECLARE_BOUND_NS: u64 = 100_000_000;
 
 /// Resolves all components of the file, in order.
@@ -62,7 +62,7 @@ pub(super) fn resolve<'g, 'i>(
     if let Some((_, at)) = components.get(MOST) {
         report
             .error(format!("the graph has {} components", components.len()))
-            .label(&at.key, format!("the first of those beyond {MOST}"))
+            .label(&at.key, format!("expected at most {MOST}; this is the first one too many"))
             .advise("each component is a separate process: combine related parts in one component");
         return Vec::new();
     }
@@ -216,7 +216,7 @@ fn identify(
         (None, None) if draft.table.meant.iter().any(|key| matches!(*key, "kind" | "exec")) => None,
         (None, None) => {
             report
-                .error(format!("component `{}` does not say what it runs", draft.name))
+                .error(format!("component `{}` has neither `kind` nor `exec`", draft.name))
                 .label(&draft.place, "needs `kind` or `exec`")
                 .advise("add `kind = \"...\"` for a built-in kind, or `exec = \"path/to/program\"`");
             None
@@ -336,12 +336,14 @@ fn is_sane(declaration: &Declaration, draft: &Draft<'_, '_>, report: &mut Report
         match ports[index].pattern {
             _ if twice(index) => Some(format!("declares the port `{name}` twice")),
             TopicPattern::Stream { capacity: 0 } | TopicPattern::Slices { capacity: 0, .. } => {
-                Some(format!("declares the stream port `{name}` without room for a single sample"))
+                Some(format!("declares the stream port `{name}` with a capacity of 0, expected at least 1"))
             }
             TopicPattern::Slices { longest: 0, .. }
                 if ports[index].direction == crate::declare::Direction::Output =>
             {
-                Some(format!("declares the output `{name}` of slices without the length of the longest"))
+                Some(format!(
+                    "declares the output `{name}` of slices with a maximum length of 0, expected at least 1"
+                ))
             }
             _ => None,
         }
@@ -358,7 +360,9 @@ fn is_sane(declaration: &Declaration, draft: &Draft<'_, '_>, report: &mut Report
                 return Some(format!("declares a choice of the parameter `{name}` twice"));
             }
             if parameters[index].numbers() == 0 {
-                return Some(format!("declares the parameter `{name}` as an array without numbers"));
+                return Some(format!(
+                    "declares the parameter `{name}` as an empty array, expected at least one number"
+                ));
             }
             parameters[index]
                 .admit(parameters[index].default.clone())
@@ -369,7 +373,7 @@ fn is_sane(declaration: &Declaration, draft: &Draft<'_, '_>, report: &mut Report
     let numbers: usize = parameters.iter().map(ParameterDeclaration::numbers).sum();
     let wrong = wrong.or_else(|| {
         (numbers > MAX_PARAMETER_NUMBERS).then(|| {
-            format!("declares parameters of {numbers} numbers together, at most {MAX_PARAMETER_NUMBERS} fit")
+            format!("declares parameters with {numbers} numbers in total, expected at most {MAX_PARAMETER_NUMBERS}")
         })
     });
     if let Some(wrong) = &wrong {

@@ -21,7 +21,7 @@ pub(super) fn warning(draft: &Draft<'_, '_>, warning: &DeclareWarning, report: &
     let subject = subject(draft, key.as_deref());
     let diagnostic = report
         .warning(format!("{subject}: {message}"))
-        .label(&place.unwrap_or_else(|| draft.place.clone()), format!("{} warns of this", draft.what()));
+        .label(&place.unwrap_or_else(|| draft.place.clone()), format!("{} warns about this", draft.what()));
     if let Some(advice) = advice {
         diagnostic.advise(advice.as_str());
     }

@@ -93,7 +93,7 @@ fn holder<'g>(right: &Right, drafts: &'g [Draft<'_, '_>], report: &mut Report) -
                 .error(format!("components `{other}` and `{}` both {} episodes", draft.name, right.verb))
                 .label(&at.span, "the second one")
                 .advise(format!(
-                    "one component of a graph {}s its episodes: remove one `{}`",
+                    "only one component of a graph can {} its episodes; remove one `{}`",
                     right.verb, right.key
                 ));
         } else if draft.declaration.as_ref().is_some_and(|declaration| !(right.is_declared)(declaration)) {

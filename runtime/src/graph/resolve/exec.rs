@@ -23,55 +23,55 @@ use crate::worker::{
     DESCRIBE, DescribeAnswer, DescribeError, DescribeRequest, KINDS, KindAnswer, KindsAnswer,
 };
 
-/// Timeout of the answer.
+/// Timeout of the program's answer.
 const DESCRIBE_TIMEOUT: Duration = Duration::from_secs(5);
-/// Maximum number of bytes read of its answer.
+/// Maximum length of the program's answer, bytes.
 const LONGEST_ANSWER: u64 = 1 << 20;
-/// Version of this crate, which must be equal on both sides because they share memory layouts.
+/// Version of this crate. It must be equal on both sides, because they share memory layouts.
 pub(super) const VERSION: &str = env!("CARGO_PKG_VERSION");
 
-/// A program that cannot be used.
+/// Error of querying a program.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum ExecProblem {
     /// The file does not exist.
     #[error("program `{}` does not exist", .0.display())]
     Missing(PathBuf),
-    /// The path is not a program.
+    /// The path does not name a program.
     #[error("`{}` is not an executable program", .0.display())]
     NotExecutable(PathBuf),
-    /// The system cannot start it.
+    /// The operating system cannot start the program.
     #[error("program `{}` cannot be started: {reason}", path.display())]
     Start {
-        /// The program.
+        /// Path of the program.
         path: PathBuf,
-        /// Cause.
+        /// Reason why the start failed.
         reason: String,
     },
     /// The program does not answer in time.
-    #[error("program `{}` did not describe itself within {} s", .0.display(), DESCRIBE_TIMEOUT.as_secs())]
+    #[error("program `{}` did not answer within {} s", .0.display(), DESCRIBE_TIMEOUT.as_secs())]
     Silent(PathBuf),
-    /// The answer of the program is not a component's.
-    #[error("program `{}` does not answer `{request}` as a component does: {reason}", path.display())]
+    /// The answer of the program is not valid.
+    #[error("program `{}` gave an invalid answer to `{request}`: {reason}", path.display())]
     NoComponent {
-        /// The program.
+        /// Path of the program.
         path: PathBuf,
-        /// The request.
+        /// The request: an argument of the program.
         request: &'static str,
-        /// Cause.
+        /// Reason why the answer is not valid.
         reason: String,
-        /// Last line of its standard error.
+        /// Last line that the program printed on standard error.
         stderr: String,
     },
-    /// The program was built with another version.
-    #[error("program `{}` was built with motorium {found}, this is motorium {VERSION}", path.display())]
+    /// The program was built with another version of motorium.
+    #[error("program `{}` was built with motorium {found}, expected motorium {VERSION}", path.display())]
     Version {
-        /// The program.
+        /// Path of the program.
         path: PathBuf,
-        /// Its version.
+        /// Version with which the program was built.
         found: String,
     },
-    /// The program is another build of the same version, with a different layout of shared memory.
-    #[error("program `{}` has another layout of shared memory than this motorium {VERSION}", .0.display())]
+    /// The program was built from the same version, but lays out shared memory differently.
+    #[error("program `{}` lays out shared memory differently from this build of motorium {VERSION}", .0.display())]
     Memory(PathBuf),
 }
 
@@ -91,7 +91,7 @@ impl ExecProblem {
         });
     }
 
-    /// Returns advice for a user's program.
+    /// Returns advice on how to fix the user's program.
     pub fn advice(&self) -> String {
         match self {
             Self::Missing(_) => "build it first: `cargo build --release`",
@@ -115,7 +115,7 @@ impl ExecProblem {
 /// Finds the program at a path relative to the folder of the graph file.
 ///
 /// # Errors
-/// The program does not exist.
+/// The program does not exist, or is not executable.
 pub fn find(exec: &str, folder: &Path) -> Result<PathBuf, ExecProblem> {
     let path = folder.join(exec);
     let Ok(found) = path.canonicalize() else { return Err(ExecProblem::Missing(path)) };
@@ -125,7 +125,8 @@ pub fn find(exec: &str, folder: &Path) -> Result<PathBuf, ExecProblem> {
     }
 }
 
-/// Queries a program for the declaration of its component with this configuration, which it may reject.
+/// Queries a program for the declaration of its component with this configuration. The inner error is the
+/// component's rejection of the configuration.
 ///
 /// # Errors
 /// The program does not answer according to this version's protocol.
@@ -143,13 +144,13 @@ pub fn describe(
         (None, None) => Err(ExecProblem::NoComponent {
             path: path.to_path_buf(),
             request: DESCRIBE,
-            reason: "its answer declares nothing".into(),
+            reason: "its answer has no declaration".into(),
             stderr: String::new(),
         }),
     }
 }
 
-/// Queries the kinds hosted by a program: one with `motorium::main!`, or several.
+/// Queries a program for the kinds of components that it contains.
 ///
 /// # Errors
 /// The program does not answer according to this version's protocol.
@@ -181,13 +182,13 @@ fn answer<T: serde::de::DeserializeOwned>(
     let reply: Json = serde_json::from_str(&answer.stdout).map_err(|error| {
         no_component(match (answer.status.success(), answer.stdout.trim()) {
             (false, _) => format!("it ended with {}", answer.status),
-            (true, "") => "it said nothing".to_string(),
+            (true, "") => "its standard output is empty".to_string(),
             _ => format!("it did not answer in JSON ({error})"),
         })
     })?;
     let version = reply.get("motorium").and_then(Json::as_str).unwrap_or_default();
     if version.is_empty() {
-        return Err(no_component("its answer names no version of motorium".into()));
+        return Err(no_component("its answer has no version of motorium".into()));
     }
     if version != VERSION {
         return Err(ExecProblem::Version { path: path.to_path_buf(), found: version.to_string() });

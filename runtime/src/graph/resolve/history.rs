@@ -43,7 +43,9 @@ pub(super) fn resolve(
             report
                 .error(format!("topic `{name}` has a history of {values} values"))
                 .label(&history.span, format!("expected at most {LARGEST}"))
-                .advise("a history bridges the time until a tap reads; a recording holds the rest");
+                .advise(
+                    "a history only bridges the time until a tap reads; record the topic to keep more values",
+                );
         } else if values > 0 && written.is_some_and(|pattern| pattern != TopicPattern::State) {
             report
                 .error(format!("topic `{name}` is a stream and has no history"))

@@ -118,7 +118,7 @@ fn budget<'g>(
             .error(format!("a latency budget from `{}` to itself", wiring.topics[from]))
             .label(to_span, "the same topic")
             .and(from_span, "it starts here")
-            .advise("to limit the time one component takes, give it a `budget`");
+            .advise("to limit the execution time of one component, give it a `budget`");
         return None;
     }
     let max = table.max.as_ref()?;
@@ -207,7 +207,7 @@ fn no_path(
     let name = drafts[writer].name;
     let diagnostic = report
         .error(format!("no data flows from `{from}` to `{to}`"))
-        .label(budget.to_span, format!("not made from `{from}`"))
+        .label(budget.to_span, format!("not computed from `{from}`"))
         .and(budget.from_span, "the budget starts here");
     let Some(cause) = cause else {
         let inputs = wiring.of_component(writer, Direction::Input).filter_map(|wire| wire.topic);
@@ -251,9 +251,9 @@ fn at_the_head(
         .error(format!("a latency budget cannot start at `{from}`"))
         .label(
             budget.from_span,
-            format!("not at the head of a chain: `{name}` makes it from `{}`", wiring.topics[input]),
+            format!("not at the head of a chain: `{name}` computes it from `{}`", wiring.topics[input]),
         )
-        .note("a sample keeps the source time of the data it was made from");
+        .note("a sample keeps the source time of the data from which it was computed");
     match origin(budget.from, causes, wiring) {
         Some(origin) => diagnostic.advise(format!("start the budget at `{}`", wiring.topics[origin])),
         None => diagnostic.advise("the latency budgets of this graph form a cycle; remove one of them"),
@@ -278,8 +278,8 @@ fn too_tight(budget: &Budget<'_>, path: &[&Wire], drafts: &[Draft<'_, '_>], repo
         .warning("a latency budget is shorter than the execution budgets on its path")
         .label(&budget.max.span, format!("less than {sum}"))
         .note(match terms.as_slice() {
-            [alone] => format!("a step may take {alone}"),
-            terms => format!("steps may take {} = {sum}", terms.join(" + ")),
+            [alone] => format!("a step may last {alone}"),
+            terms => format!("steps may last {} = {sum}", terms.join(" + ")),
         })
         .advise("allow more time, or less for the components");
 }

@@ -47,7 +47,10 @@ fn long_enough(draft: &Draft<'_, '_>, at: &At<TimeSpan>, period_ns: u64, report:
     let Some(time) = at.get().filter(|time| time.ns < 2 * period_ns || time.ns == 0) else { return };
     let period = TimeSpan { ns: period_ns };
     report
-        .error(format!("`hang_after` is {time}, and component `{}` has a period of {period}", draft.name))
+        .error(format!(
+            "`hang_after` is {time}, and two periods of component `{}` are longer ({period} each)",
+            draft.name
+        ))
         .label(&at.span, "shorter than two periods")
         .and(&draft.place, "would count as hung while it waits for its next release")
         .advise(format!("write `{}` or more", TimeSpan { ns: (2 * period_ns).max(1_000_000) }));
@@ -61,13 +64,13 @@ fn cpu_limit(draft: &Draft<'_, '_>, schedule: Schedule, period_ns: u64, report: 
         if let Some(at) = given {
             let advice = match schedule {
                 Schedule::Deadline => {
-                    "the kernel ends its turn when its budget is used up: leave `cpu_limit` out"
+                    "the kernel suspends it when its budget is used up; leave `cpu_limit` out"
                 }
-                _ => "it does not block the core for others: leave `cpu_limit` out",
+                _ => "it does not block the core for others; leave `cpu_limit` out",
             };
             report
                 .error(format!("component `{}` has a `cpu_limit` but is not scheduled as `fifo`", draft.name))
-                .label(&at.key, format!("has no meaning for `schedule = \"{}\"`", schedule.word()))
+                .label(&at.key, format!("does not apply to `schedule = \"{}\"`", schedule.word()))
                 .advise(advice);
         }
         return None;

@@ -11,9 +11,9 @@ use crate::graph::values::check_robot_name;
 /// A robot of the file.
 pub(super) struct Robot {
     pub name: String,
-    /// Position of its name.
+    /// Position of the robot's name in the file.
     pub place: Span,
-    /// `None` if its model cannot be used, which has been reported.
+    /// The robot; `None` if its model cannot be used, which has been reported.
     pub reference: Option<RobotReference>,
 }
 

@@ -48,8 +48,8 @@ pub(super) fn resolve(
         if let Some(at) = at.filter(|at| at.get().is_some_and(|time| time.ns > LONGEST_STOP.ns)) {
             report
                 .error(format!("`stop_within` of component `{}` is longer than {LONGEST_STOP}", draft.name))
-                .label(&at.span, "every end of a run may take so long")
-                .advise("write long output while it runs, not in `stop`");
+                .label(&at.span, "the end of a run could last this long")
+                .advise("let the component write long output while it runs, not in `stop`");
         }
     }
     for restart in drafts.iter().filter_map(|draft| good(&draft.table.restart)) {
@@ -59,7 +59,7 @@ pub(super) fn resolve(
             report
                 .error("`at_most` is 0")
                 .label(&at.span, "no restart is allowed")
-                .advise("write `when = \"never\"` for that");
+                .advise("to disable restarts, write `when = \"never\"`");
         }
     }
     stale_commands(stale_after, at, drafts, wiring, timing, report);
@@ -141,7 +141,7 @@ fn stale_commands(
         let name = drafts[writer].name;
         let diagnostic = report
             .warning(format!(
-                "commands grow stale before the next one comes: `{name}` writes one every {period}"
+                "commands become stale before the next one arrives: `{name}` writes one every {period}"
             ))
             .advise(format!("set `stale_after` in `[safety]` to more than {period}, or run `{name}` faster"));
         match at {
@@ -166,7 +166,7 @@ fn no_actuator(graph: &GraphTable<'_>, drafts: &[Draft<'_, '_>], report: &mut Re
     if known && !actuators && !drafts.is_empty() {
         report
             .warning("no component of this graph applies commands to a robot")
-            .label(&safety.key, "so this has no effect")
+            .label(&safety.key, "this table has no effect")
             .advise("leave `[safety]` out, or add the component that moves the robot");
     }
 }

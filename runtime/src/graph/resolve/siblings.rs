@@ -104,7 +104,7 @@ fn find(sibling: Sibling) -> Result<Rc<Program>, Homeless> {
     }
 }
 
-/// Returns the path of a program next to this one or on `PATH`; `None` if not installed.
+/// Returns the path of a program next to this one or on `PATH`; `None` if it is not installed.
 pub fn locate(sibling: &Sibling) -> Option<PathBuf> {
     let on_path = std::env::var_os("PATH").unwrap_or_default();
     let folders = std::iter::once(own_folder()).chain(std::env::split_paths(&on_path));
@@ -134,7 +134,7 @@ impl Homeless {
                 let kinds = registry.kinds().iter().map(|kind| kind.name);
                 let advice = match nearest(kind, kinds.clone()) {
                     Some(near) => format!("did you mean `{near}`?"),
-                    None => "use one of them, or name a program of your own with `exec`".to_string(),
+                    None => "use one of them, or name your own program with `exec`".to_string(),
                 };
                 report
                     .error(format!("unknown kind `{kind}`"))
@@ -148,11 +148,11 @@ impl Homeless {
                 let get = match sibling.install {
                     Some(install) => format!("install it from a checkout of motorium: `{install}`"),
                     None => format!(
-                        "motorium comes without one; `motorium::host!` makes a program `{program}` of kinds of your own"
+                        "motorium does not include it; build a program `{program}` of your own kinds with `motorium::host!`"
                     ),
                 };
                 let advice = match nearest(kind, here) {
-                    Some(near) => format!("did you mean `{near}`? Else {get}"),
+                    Some(near) => format!("did you mean `{near}`? otherwise {get}"),
                     None => get,
                 };
                 report
@@ -174,7 +174,7 @@ impl Homeless {
                 }
                 diagnostic.advise(match sibling.install {
                     Some(install) => {
-                        format!("install the one of motorium {version} from its checkout: `{install}`")
+                        format!("install its version {version} from a checkout of motorium: `{install}`")
                     }
                     None => format!("build it again with motorium {version}"),
                 });
@@ -189,7 +189,7 @@ impl Homeless {
                 };
                 let advice = match nearest(kind, kinds.chain(here)) {
                     Some(near) => format!("did you mean `{near}`?"),
-                    None => format!("{instead}, or name a program of your own with `exec`"),
+                    None => format!("{instead}, or name your own program with `exec`"),
                 };
                 report
                     .error(format!("unknown kind `{kind}`"))

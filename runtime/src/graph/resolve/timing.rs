@@ -16,12 +16,12 @@ use crate::units::TimeSpan;
 /// The activation of each component.
 #[derive(Debug)]
 pub(super) struct Timing {
-    /// Per component; `None` if unknown, which has been reported.
+    /// Activation of each component; `None` if it is invalid, which has been reported.
     pub activation: Vec<Option<Activation>>,
-    /// Per component: the component at the head of its trigger chain, which the clock or events release;
-    /// itself if it is a head.
+    /// For each component, the component at the head of its trigger chain, which the clock or events release.
+    /// A head refers to itself.
     pub head: Vec<Option<usize>>,
-    /// Per component: the component whose output triggers it.
+    /// For each component, the component whose output triggers it.
     pub triggered_by: Vec<Option<usize>>,
 }
 
@@ -133,7 +133,7 @@ fn start(
                 (None, None) => "add `rate = \"1 kHz\"`".to_string(),
             };
             report
-                .error(format!("component `{}` does not say when it steps", draft.name))
+                .error(format!("component `{}` has nothing that releases its steps", draft.name))
                 .label(&draft.place, needs)
                 .advise(advice);
             None
@@ -166,8 +166,8 @@ fn start(
             if let Some(phase) = &table.phase {
                 report
                     .error(format!("component `{}` has a phase but no rate", draft.name))
-                    .label(&phase.key, "has no meaning for a triggered component")
-                    .and(&trigger.key, "it steps when this is published")
+                    .label(&phase.key, "does not apply to a triggered component")
+                    .and(&trigger.key, "it steps when this topic is published")
                     .advise("leave `phase` out");
             }
             find_trigger(component, draft, trigger, wiring, report)
@@ -185,9 +185,9 @@ fn without_grid(draft: &Draft<'_, '_>, report: &mut Report) {
         _ => return,
     };
     report
-        .error(format!("component `{}` has no releases to {name}", draft.name))
+        .error(format!("component `{}` has no periodic releases for `{name}`", draft.name))
         .label(&policy.span, why)
-        .and(place, format!("{label}, and what comes while it steps is one wake-up"))
+        .and(place, format!("{label}; values that arrive during a step cause a single wake-up"))
         .advise("leave `on_overrun` out, or choose skip, hold or safe_stop");
 }
 
@@ -271,8 +271,11 @@ fn loops(
             if in_a_loop[current] {
                 report
                     .error(format!("component `{}` would never step", drafts[component].name))
-                    .label(span, "this trigger chain starts nowhere")
-                    .and(&drafts[current].place, "it leads back to this one, which is part of a trigger loop")
+                    .label(span, "this trigger chain has no start")
+                    .and(
+                        &drafts[current].place,
+                        "it is triggered by this component, which is part of a trigger loop",
+                    )
                     .advise("break the loop: give one of its components a `rate` instead of its `trigger`");
                 break;
             }

@@ -113,13 +113,15 @@ fn agree(
         != matches!(read.pattern, TopicPattern::Slices { .. })
     {
         report
-            .error(format!("topic `{name}` carries slices on one side and single values on the other"))
+            .error(format!("topic `{name}` has slices at one port and single values at the other"))
             .label(&reader.span, labels.0)
             .and(&writer.span, labels.1)
             .advise("a slice output is read by slice inputs");
     } else if written.pattern == TopicPattern::State && matches!(read.pattern, TopicPattern::Stream { .. }) {
         report
-            .error(format!("topic `{name}` keeps only its newest sample, but `{of_reader}` reads every one"))
+            .error(format!(
+                "topic `{name}` is a state with only its newest sample, but `{of_reader}` reads every sample"
+            ))
             .label(&reader.span, labels.0)
             .and(&writer.span, labels.1)
             .advise(format!(

@@ -17,13 +17,13 @@ pub(super) struct Wire {
     pub component: usize,
     /// Name of the port.
     pub port: String,
-    /// Index among the declared ports of its direction; `None` for an unknown port.
+    /// Index of the port among the declared ports of its direction; `None` for an unknown port.
     pub index: Option<usize>,
     /// Direction of the port.
     pub direction: Direction,
-    /// Index of the topic; `None` if its name was refused.
+    /// Index of the topic; `None` if its name is invalid, which has been reported.
     pub topic: Option<usize>,
-    /// Position of the topic's name.
+    /// Position of the topic's name in the file.
     pub span: Span,
 }
 
@@ -37,11 +37,11 @@ impl Wire {
 /// All wires of a graph.
 #[derive(Debug)]
 pub(super) struct Wiring {
-    /// Names of the topics in the order of their first mention.
+    /// Names of the topics, in the order of their first mention.
     pub topics: Vec<String>,
     /// All wires, per component, in file order.
     pub wires: Vec<Wire>,
-    /// `true` if outputs were rejected, so that a topic may only seem to have no writer.
+    /// True if outputs were rejected, in which case a topic may only seem to have no writer.
     pub incomplete: bool,
 }
 
@@ -249,7 +249,10 @@ fn nothing_to_do(component: usize, draft: &Draft<'_, '_>, wiring: &Wiring, repor
     }
     if declaration.ports.is_empty() {
         report
-            .warning(format!("component `{}` has no ports: the graph cannot see what it does", draft.name))
+            .warning(format!(
+                "component `{}` has no ports, so the graph cannot check its data flow",
+                draft.name
+            ))
             .label(&draft.place, "neither reads nor writes")
             .advise("harmless if it only acts outside the graph");
     } else if declaration.ports.iter().all(|port| !port.required) {

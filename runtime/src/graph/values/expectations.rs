@@ -10,8 +10,8 @@ use crate::graph::read::{Read, Value, entries, mismatch, table};
 use crate::graph::source::Span;
 use crate::plan::Expectation;
 
-/// Conditions on figures, with their positions: `"controller.position_error_m" = "<= 1e-3"`. A figure is a
-/// quoted key or nested tables.
+/// Conditions on values in the report, with their positions: `"controller.position_error_m" = "<= 1e-3"`. The
+/// path of a value is a quoted key or nested tables.
 #[derive(Debug, Clone, PartialEq)]
 pub(in crate::graph) struct Expectations(pub Vec<(Expectation, Span)>);
 

@@ -33,7 +33,7 @@ impl<'i> Read<'i> for String {
             report
                 .error(format!("`{key}` is empty"))
                 .label(&value.span(), "expected some text")
-                .advise(format!("say what it is, or leave `{key}` out"));
+                .advise(format!("give it a value, or leave `{key}` out"));
             return None;
         }
         Some(text.to_string())
@@ -196,9 +196,9 @@ macro_rules! read_unit {
 read_unit!(
     TimeSpan,
     "a time with its unit",
-    "give it its unit: \"{number} us\", \"{number} ms\" or \"{number} s\""
+    "add its unit: \"{number} us\", \"{number} ms\" or \"{number} s\""
 );
-read_unit!(Rate, "a rate with its unit", "give it its unit: \"{number} Hz\"");
+read_unit!(Rate, "a rate with its unit", "add its unit: \"{number} Hz\"");
 
 impl<'i> Read<'i> for bool {
     fn read(key: &str, value: &Value<'i>, report: &mut Report) -> Option<Self> {

@@ -33,7 +33,7 @@ pub(in crate::graph) enum EventSource {
 /// The spin time before a release.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(in crate::graph) enum SpinChoice {
-    /// A time adapted to the wake errors of the machine.
+    /// A time that adapts to the wake-up errors measured on the machine.
     Auto,
     /// A fixed time.
     Fixed(TimeSpan),
@@ -91,7 +91,7 @@ impl<'i> Read<'i> for Share {
             return Some(Self(number));
         }
         report
-            .error(format!("`{key}` is {number}, which is not a share"))
+            .error(format!("`{key}` is {number}, expected a share above 0 and at most 1"))
             .label(&value.span(), "expected more than 0 and at most 1")
             .advise("a tenth of a core: 0.1");
         None

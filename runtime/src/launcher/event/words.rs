@@ -9,7 +9,7 @@ use crate::plan::ClockKind;
 use crate::region::{Latch, Misses, Refusal};
 use crate::units::TimeSpan;
 
-/// Writes the text in one line, without the kind; nothing for a status.
+/// Formats the event as one line of text, without its kind. A status has no text.
 impl fmt::Display for Event<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let milliseconds = |ns: &u64| *ns as f64 * 1e-6;
@@ -98,7 +98,7 @@ impl fmt::Display for Event<'_> {
                 "`{component}` has been in tick {tick} for {:.1} s; simulated time does not advance until it ends (Ctrl-C stops)",
                 *for_ns as f64 * 1e-9
             ),
-            Self::Ending(Exit::Finished) => f.write_str("the run ends: its time is over"),
+            Self::Ending(Exit::Finished) => f.write_str("the run ends: its duration has elapsed"),
             Self::Ending(Exit::Interrupted) => f.write_str("the run ends: requested by a signal"),
             Self::Ending(Exit::SafeStop { .. }) => f.write_str("the run ends after a safe stop"),
             Self::LauncherSilent { run } => {
@@ -115,7 +115,7 @@ impl fmt::Display for Event<'_> {
 }
 
 impl Refusal {
-    /// Describes the refused commands in a few words, such as "3 commands stamped in the future".
+    /// Describes refused commands in a few words that follow their number, such as "stamped in the future".
     pub fn description(self) -> &'static str {
         match self {
             Self::Content => "not finite",
@@ -143,7 +143,7 @@ fn causes(misses: &Misses) -> String {
     let causes = [
         (misses.long_step, "too long"),
         (misses.late_wake, "delayed by others"),
-        (misses.stolen, "by the host"),
+        (misses.stolen, "delayed by the host"),
         (misses.late_input, "without a fresh command"),
     ];
     let causes = causes.iter().filter(|(count, _)| *count > 0);
@@ -161,7 +161,7 @@ mod tests {
         let event = Event::Missed { component: "controller", misses };
         assert_eq!(
             event.to_string(),
-            "`controller` missed the deadline of 3 steps: 2 too long, 1 by the host"
+            "`controller` missed the deadline of 3 steps: 2 too long, 1 delayed by the host"
         );
         assert_eq!((event.kind(), event.value()), (Some(EventKind::Missed), 3.0));
     }

@@ -12,10 +12,10 @@ use crate::state::Event;
 #[serde(rename_all = "snake_case")]
 #[repr(u32)]
 pub enum EventSeverity {
-    /// As planned.
+    /// The run proceeds as planned.
     #[default]
     Information = Event::INFORMATION,
-    /// The run continues but deviates from the graph.
+    /// The run continues, but deviates from the graph.
     Warning = Event::WARNING,
     /// A failure.
     Error = Event::ERROR,
@@ -25,7 +25,7 @@ impl EventSeverity {
     /// All severities, in ascending order.
     pub const ALL: [Self; 3] = [Self::Information, Self::Warning, Self::Error];
 
-    /// Returns the name used in JSON.
+    /// Returns the name of the severity in JSON.
     pub fn name(self) -> &'static str {
         match self {
             Self::Information => "information",
@@ -37,7 +37,7 @@ impl EventSeverity {
 
 macro_rules! kinds {
     ($($(#[doc = $doc:literal])+ $kind:ident = $number:literal, $name:literal;)*) => {
-        /// The kind of an event of a run. Its number is the `code` of the [`Event`] that carries it.
+        /// The kind of an event of a run. Its number is the `code` of the published [`Event`].
         #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
         #[repr(u32)]
         pub enum EventKind {
@@ -45,17 +45,17 @@ macro_rules! kinds {
         }
 
         impl EventKind {
-            /// All of them.
+            /// All kinds, in the order of their declaration.
             pub const ALL: &'static [Self] = &[$(Self::$kind),*];
 
-            /// Returns the name used in JSON.
+            /// Returns the name of the kind in JSON.
             pub fn name(self) -> &'static str {
                 match self {
                     $(Self::$kind => $name,)*
                 }
             }
 
-            /// Decodes a number; `None` for one unknown to this version.
+            /// Decodes a number. Returns `None` if this version does not define it.
             pub fn from_number(number: u32) -> Option<Self> {
                 match number {
                     $($number => Some(Self::$kind),)*
@@ -71,53 +71,54 @@ kinds! {
     Created = 1, "created";
     /// All ports are connected; the first step is due.
     Started = 2, "started";
-    /// The system denied something required by the graph.
+    /// The system denied a resource or privilege that the graph requires.
     Denied = 3, "denied";
-    /// A line that a component printed.
+    /// A component printed a line.
     Output = 4, "output";
     /// A component failed.
     Failed = 5, "failed";
-    /// A restarted component steps again. Its value is the time from its end to its first step, s.
+    /// A restarted component steps again. The value is the time from its end to its first step, s.
     Restarted = 6, "restarted";
     /// All components and simulated time were reset for an episode. The value is the index of the episode.
     Reset = 7, "reset";
-    /// Steps ended after their deadline. Its value is their number since the last event of this kind.
+    /// Steps ended after their deadline. The value is their number since the last event of this kind.
     Missed = 8, "missed";
-    /// Latencies were above their budget. Its value is their number since the last event of this kind.
+    /// Latencies were above their budget. The value is their number since the last event of this kind.
     LatencyMissed = 9, "latency_missed";
-    /// A command gate refused commands. Its value is their number since the last event of this kind.
+    /// A command gate refused commands. The value is their number since the last event of this kind.
     Refused = 10, "refused";
-    /// An actuator applies its safe state.
+    /// An actuator entered its safe state.
     EnteredSafeState = 11, "entered_safe_state";
-    /// An actuator follows its commands, or is resuming.
+    /// An actuator left its safe state: it follows its commands or is resuming.
     LeftSafeState = 12, "left_safe_state";
-    /// The whole graph goes to its safe state, and ends.
+    /// The whole graph enters its safe state, and the run ends.
     SafeStop = 13, "safe_stop";
-    /// All actuators are in their safe state. The value is the time taken, s.
+    /// All actuators are in their safe state. The value is the time until they reached it, s.
     Safe = 14, "safe";
     /// Not all actuators reached their safe state.
     NotSafe = 15, "not_safe";
     /// The robot stays in its safe state until `motorium resume`.
     Stopped = 16, "stopped";
-    /// The stop was released.
+    /// The stop was released by `motorium resume`.
     Resumed = 17, "resumed";
-    /// A component loses more of its steps than the graph allows. Its value is the share.
+    /// A component loses a larger fraction of its steps than the graph allows. The value is the fraction, 0
+    /// to 1.
     LosesSteps = 18, "loses_steps";
-    /// A tick of lockstep has not ended. The value is the time since its start, s.
+    /// A lockstep tick has not completed. The value is the time since its start, s.
     Waiting = 19, "waiting";
-    /// Another deviation from the graph.
+    /// Any other deviation from the graph.
     Warning = 20, "warning";
-    /// The run received the request to end.
+    /// The run was requested to end.
     Ending = 21, "ending";
     /// The launcher does not respond; its guard monitors the graph.
     LauncherSilent = 22, "launcher_silent";
     /// The launcher responds again.
     LauncherBack = 23, "launcher_back";
-    /// The launcher has ended; its guard brings the robot to its safe state and ends the run.
+    /// The launcher has ended. Its guard brings the robot to its safe state and ends the run.
     LauncherEnded = 24, "launcher_ended";
-    /// The guard has brought the robot to its safe state, as far as its actuators existed.
+    /// The guard has brought the robot to its safe state, except for actuators that no longer existed.
     GuardActed = 25, "guard_acted";
-    /// An episode of real time began, without a reset. Its value is the number of the episode.
+    /// An episode of real time began, without a reset. The value is the index of the episode.
     EpisodeBegan = 26, "episode_began";
 }
 

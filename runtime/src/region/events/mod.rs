@@ -1,9 +1,9 @@
 //! The event log of a run in its control block, with a ring of fixed size for each severity and one for
 //! printed lines.
 //!
-//! It is written by the launcher, and by the guard if the launcher has ended. Workers do not write it. They
-//! count misses and refusals, which the launcher reports at its own pace. Separate rings prevent printed
-//! lines from displacing events, and warnings from displacing failures.
+//! The launcher writes the log, or the guard if the launcher has ended. Workers do not write to it: they
+//! count misses and refusals, which the launcher reports as events. Separate rings prevent printed lines from
+//! displacing events, and warnings from displacing failures.
 
 mod kind;
 mod ring;
@@ -22,7 +22,7 @@ use crate::atomics::Native;
 /// The severity of the events in each ring. The last ring is for printed lines.
 const RINGS: [EventSeverity; 4] =
     [EventSeverity::Information, EventSeverity::Warning, EventSeverity::Error, EventSeverity::Information];
-/// Number of records kept per ring.
+/// Number of records per ring.
 const RECORDS: usize = 128;
 /// Words of a record, chosen for a slot of 512 bytes.
 const WORDS: usize = 63;
@@ -33,11 +33,11 @@ pub const EVENT_TEXT_BYTES: usize = (WORDS - HEAD) * 8;
 /// Marks a missing simulated time.
 const NONE: u64 = u64::MAX;
 
-/// The log of events in the control block of a run.
+/// The event log in the control block of a run.
 #[derive(Debug)]
 #[repr(C, align(64))]
 pub struct EventLog {
-    /// Time of creation, `CLOCK_MONOTONIC` ns.
+    /// Time at which the log was opened, `CLOCK_MONOTONIC` ns.
     opened_ns: AtomicU64,
     rings: [Ring<Native, RECORDS, WORDS>; RINGS.len()],
 }
@@ -45,21 +45,21 @@ pub struct EventLog {
 /// One event in the log.
 #[derive(Debug, Clone, PartialEq)]
 pub struct EventRecord {
-    /// Time of the event or its detection, `CLOCK_MONOTONIC` ns.
+    /// Time at which the event occurred or was detected, `CLOCK_MONOTONIC` ns.
     pub time_ns: u64,
-    /// Index of the episode.
+    /// Index of the episode in which the event occurred.
     pub episode: u64,
-    /// In lockstep, simulated time in the episode, ns.
+    /// Simulated time in the episode, ns; `None` in real time.
     pub simulated_ns: Option<u64>,
-    /// Its severity.
+    /// Severity of the event.
     pub severity: EventSeverity,
-    /// Its kind.
+    /// Kind of the event.
     pub kind: EventKind,
-    /// Index of the affected component in the plan.
+    /// Index in the plan of the affected component; `None` if the event concerns the whole run.
     pub component: Option<usize>,
-    /// Value as defined by its kind; otherwise 0.
+    /// Value that belongs to the event, as defined by its kind; otherwise 0.
     pub value: f64,
-    /// Text for users, limited to [`EVENT_TEXT_BYTES`].
+    /// Text for users, truncated to [`EVENT_TEXT_BYTES`].
     pub text: String,
 }
 
@@ -74,19 +74,19 @@ impl EventLog {
         self.opened_ns.load(Relaxed)
     }
 
-    /// Writes an event over the oldest one of its ring. Wait-free; does not allocate.
+    /// Writes an event over the oldest one in the ring of its severity. Wait-free; does not allocate.
     pub fn write(&self, record: &EventRecord) {
         // A write only fails if the writers of the slot were killed, and then there is nobody to inform.
         let ring = if record.kind == EventKind::Output { RINGS.len() - 1 } else { record.severity as usize };
         let _ = self.rings[ring].write(&encode(record));
     }
 
-    /// Returns the number of events written so far.
+    /// Returns the number of events written to the log so far.
     pub fn count(&self) -> u64 {
         self.rings.iter().map(Ring::newest).fold(0, u64::saturating_add)
     }
 
-    /// Returns all available events, oldest first, and the number of lost ones.
+    /// Returns all events that are still in the log, oldest first, and the number of overwritten events.
     pub fn all(&self) -> (Vec<EventRecord>, u64) {
         let mut reader = EventReader::default();
         let mut records = reader.read(self);
@@ -135,7 +135,8 @@ struct Place {
 }
 
 impl EventReader {
-    /// Returns the events since the last call, or all available ones, oldest first.
+    /// Returns the events since the last call, oldest first. The first call returns all events that are still
+    /// in the log.
     pub fn read(&mut self, log: &EventLog) -> Vec<EventRecord> {
         let mut records = Vec::new();
         for ((place, ring), severity) in self.places.iter_mut().zip(&log.rings).zip(RINGS) {
@@ -145,7 +146,7 @@ impl EventReader {
         records
     }
 
-    /// Returns the number of events overwritten before this reader read them.
+    /// Returns the number of events that were overwritten before this reader read them.
     pub fn lost(&self) -> u64 {
         self.lost
     }

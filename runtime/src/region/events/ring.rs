@@ -1,12 +1,13 @@
 //! A wait-free ring of records in shared memory, with several writers and any number of readers.
 //!
-//! Every record has a number, starting at 1, which selects its slot. The state word of a slot is twice the
-//! number of its record, plus one while the record is being written. A writer takes the next number, enters
-//! the slot by exchanging its state, writes the words, and leaves. A reader accepts a record only if the
-//! state showed the same complete record before and after reading, so a torn record is never accepted.
+//! Records are numbered from 1, and the number of a record selects its slot. The state word of a slot is
+//! twice the number of its record, plus one while the record is being written. A writer takes the next
+//! number, enters the slot by exchanging its state, writes the words, and leaves the slot. A reader accepts a
+//! record only if the state showed the same complete record before and after reading, so it never accepts a
+//! torn record.
 //!
-//! A slot of a killed writer stays unusable. Other writers skip it with an empty number, which readers count
-//! as lost.
+//! The slot of a killed writer remains unusable. Other writers skip it with an empty number, which readers
+//! count as lost.
 
 use core::cmp::Ordering as Order;
 use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};

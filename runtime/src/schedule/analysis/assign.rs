@@ -3,8 +3,9 @@
 /// Returns rate-monotonic priorities: the shorter the period, the higher the priority (C. Liu, J. Layland
 /// 1973). Equal periods get equal priorities.
 ///
-/// The fastest rate gets `fastest`, every slower one `step` less. If the last priority would be below 1, the
-/// steps are smaller. Neighbouring rates share a priority only if there are more than `fastest` rates.
+/// The fastest rate gets the priority `fastest`, and every slower rate gets `step` less than the one before.
+/// If the last priority would be below 1, smaller steps are used. Neighbouring rates share a priority only if
+/// there are more than `fastest` rates.
 pub fn rate_monotonic(periods_ns: &[u64], fastest: u8, step: u8) -> Vec<u8> {
     let mut rates = periods_ns.to_vec();
     rates.sort_unstable();
@@ -22,17 +23,18 @@ pub fn rate_monotonic(periods_ns: &[u64], fastest: u8, step: u8) -> Vec<u8> {
         .collect()
 }
 
-/// A chain of components that trigger one another, reduced to the facts that decide its core.
+/// A chain of components that trigger one another, reduced to the data that determine its core.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ChainLoad {
-    /// Share of a core that it uses, budgets divided by period; 0 if the budgets are unknown.
+    /// Fraction of a core that the chain uses, the sum of budgets divided by the period; 0 if the budgets are
+    /// unknown.
     pub share: f64,
-    /// Core that the graph assigns to it.
+    /// Core that the graph assigns to the chain; `None` to choose one.
     pub core: Option<usize>,
 }
 
-/// Returns a core for each chain. A chain is never split, because a hand-over on one core is several times
-/// cheaper than waking another core.
+/// Returns a core for each chain, in the order of `chains`. A chain is never split, because a hand-over on
+/// one core is several times cheaper than waking another core.
 ///
 /// After the chains whose core is given, the remaining chains are assigned to the least loaded of the
 /// real-time cores, the largest chain first (worst fit, decreasing). Among equally loaded cores, the one with

@@ -29,9 +29,9 @@ const MOST_STEPS: usize = 100_000;
 /// Times of one reservation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(in crate::schedule) struct Reserved {
-    /// Run time in each period.
+    /// Run time in each period, ns.
     pub runtime: i64,
-    /// The period, and the deadline from the wake-up.
+    /// Period, which is also the relative deadline from the wake-up, ns.
     pub period: i64,
 }
 

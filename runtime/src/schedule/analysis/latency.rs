@@ -15,9 +15,9 @@ use crate::plan::{Activation, LatencyPlan, Plan};
 /// A bound on a latency, as a sum.
 #[derive(Debug)]
 pub(in crate::schedule) struct LatencySum {
-    /// The bound, ns.
+    /// Maximum latency, ns.
     pub ns: u64,
-    /// The terms of the sum, in the order of the path.
+    /// Terms of the sum, in the order of the path.
     pub terms: Vec<LatencyTerm>,
 }
 

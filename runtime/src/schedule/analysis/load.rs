@@ -8,9 +8,9 @@ use super::window::Demand;
 /// The longest time that real-time components may run within one throttling period.
 #[derive(Debug)]
 pub(in crate::schedule) struct Burst {
-    /// Total, ns.
+    /// Total time, ns.
     pub total_ns: u64,
-    /// By task or reservation: its components, and their longest time on the core, ns.
+    /// Components of each task or reservation, and their maximum time on the core, ns.
     pub terms: Vec<(Vec<usize>, u64)>,
 }
 

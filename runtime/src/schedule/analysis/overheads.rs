@@ -5,39 +5,40 @@ use serde::{Deserialize, Serialize};
 
 const MICROSECOND: u64 = 1_000;
 
-/// Time used by the machine and the runtime rather than the components.
+/// Time that the machine and the runtime use in addition to the components.
 ///
-/// The defaults cover 99 of 100 cases on virtual machines of two cores (Linux 6.18) under load; `motorium
-/// calibrate` measures the values of a machine, which replace them. Core times are those counted by
-/// `CLOCK_THREAD_CPUTIME_ID` besides the step itself.
+/// The defaults cover 99 of 100 cases on virtual machines with two cores (Linux 6.18) under load. `motorium
+/// calibrate` measures the values of a machine, which replace them. Core times are counted by
+/// `CLOCK_THREAD_CPUTIME_ID`, in addition to the step itself.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Overheads {
-    /// Latest wake-up of a sleeping component, ns; 150 us. It uses no core time. The spin time before a
-    /// release hides this much of it.
+    /// Maximum delay of the wake-up of a sleeping component, ns; 150 us by default. It uses no core time. The
+    /// spin time before a release hides the same amount of this delay.
     pub wake_ns: u64,
-    /// Time of the core for every release by the clock, on top of `worker_ns`, ns; 80 us: the timer and its
-    /// interrupt, falling asleep, and cache misses after other threads have used the core.
+    /// Core time for every release by the clock, in addition to `worker_ns`, ns; 80 us by default. It
+    /// consists of the timer and its interrupt, falling asleep, and cache misses after other threads have
+    /// used the core.
     pub timer_ns: u64,
-    /// Time of the core from the end of a step to the start of the one that it triggers on the same core, ns;
-    /// 8 us.
+    /// Core time from the end of a step to the start of a step that it triggers on the same core, ns; 8 us by
+    /// default.
     pub hop_same_core_ns: u64,
-    /// Longest time from a publication until a triggered component on another core can run, ns; 150 us,
-    /// mostly for the wake-up of an idle core. It uses no time of either core.
+    /// Maximum time from a publication until a triggered component on another core can run, ns; 150 us by
+    /// default, mostly for the wake-up of an idle core. It uses no core time.
     pub hop_cross_core_ns: u64,
-    /// Core time for which a component triggered from another core polls for the next publication, after its
-    /// step and before it sleeps, ns; at most 20 us.
+    /// Core time for which a component that is triggered from another core polls for the next publication,
+    /// after its step and before it sleeps, ns; 20 us by default.
     pub look_ns: u64,
-    /// Core time of the worker per step in addition to the component's own, ns; 16 us: clock readings,
-    /// accounting.
+    /// Core time of the worker per step, in addition to the component's own time, ns; 16 us by default. It
+    /// covers clock readings and statistics.
     pub worker_ns: u64,
 }
 
 impl Overheads {
-    /// A machine without overheads, for the analysis of abstract task sets.
+    /// Overheads of zero, for the analysis of abstract task sets.
     pub const NONE: Self =
         Self { wake_ns: 0, timer_ns: 0, hop_same_core_ns: 0, hop_cross_core_ns: 0, look_ns: 0, worker_ns: 0 };
 
-    /// Defaults without measurements.
+    /// Conservative defaults for a machine without measurements.
     pub const CAUTIOUS: Self = Self {
         wake_ns: 150 * MICROSECOND,
         timer_ns: 80 * MICROSECOND,
@@ -54,25 +55,26 @@ impl Default for Overheads {
     }
 }
 
-/// The kernel's limit on real-time threads: `sched_rt_runtime_us` in every `sched_rt_period_us`. A kernel
-/// with throttling stops them for the rest of the period once they have used it up.
+/// The kernel's limit on real-time threads: run time `sched_rt_runtime_us` in every period
+/// `sched_rt_period_us`. Once the threads have used up their run time, the kernel stops them for the rest of
+/// the period.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct RtLimit {
-    /// Permitted run time in each period, ns; `None` for unlimited.
+    /// Permitted run time in each period, ns; `None` if it is unlimited.
     pub runtime_ns: Option<u64>,
-    /// The period, ns.
+    /// Period of the limit, ns.
     pub period_ns: u64,
 }
 
 impl RtLimit {
-    /// No throttling.
+    /// Limit for a kernel without throttling.
     pub const NONE: Self = Self { runtime_ns: None, period_ns: 1_000_000_000 };
 
-    /// Linux's default: 950 ms in every second.
+    /// Default limit of Linux: 950 ms in every second.
     pub const KERNEL_DEFAULT: Self = Self { runtime_ns: Some(950_000_000), period_ns: 1_000_000_000 };
 
-    /// Parses the limit from the two files in `/proc/sys/kernel`, in us; a negative run time means no limit.
-    /// Returns `None` if they are not numbers.
+    /// Parses the limit from the texts of the two files in `/proc/sys/kernel`, in us. A negative run time
+    /// means no limit. Returns `None` if the texts are not numbers.
     pub fn from_sysctl(runtime_us: &str, period_us: &str) -> Option<Self> {
         let runtime: i64 = runtime_us.trim().parse().ok()?;
         let period_ns = period_us.trim().parse::<u64>().ok()?.checked_mul(MICROSECOND)?;
@@ -89,10 +91,10 @@ impl RtLimit {
             .unwrap_or(Self::KERNEL_DEFAULT)
     }
 
-    /// Returns the share of each core that the kernel grants to `SCHED_DEADLINE` components, 0 to 1. It is
-    /// the share of real-time threads minus the kernel's reserve for normal priority (the fair server of
-    /// Linux 6.12 and later, 50 ms in every second of each core; counted for earlier kernels, too). It is 1
-    /// without throttling.
+    /// Returns the fraction of each core that the kernel grants to `SCHED_DEADLINE` components, 0 to 1. This
+    /// is [`share`](Self::share) minus the kernel's reserve for normal priority. The reserve (the fair server
+    /// of Linux 6.12 and later) is 50 ms in every second of each core, and is assumed for earlier kernels,
+    /// too. The result is 1 without throttling.
     pub fn deadline_share(&self) -> f64 {
         const FAIR_SERVER_MS_PER_S: u64 = 50;
         match self.runtime_ns {
@@ -104,7 +106,7 @@ impl RtLimit {
         }
     }
 
-    /// Returns the share of a core for real-time threads, 0 to 1.
+    /// Returns the fraction of a core that real-time threads may use, 0 to 1.
     pub fn share(&self) -> f64 {
         match self.runtime_ns {
             Some(runtime_ns) if runtime_ns < self.period_ns => runtime_ns as f64 / self.period_ns as f64,

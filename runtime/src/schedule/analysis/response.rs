@@ -17,15 +17,15 @@ const MOST_ROUNDS: usize = 100;
 /// All tasks as the analysis models them, with the bounds found so far.
 #[derive(Debug)]
 pub(in crate::schedule) struct Responses {
-    /// By task of the static plan.
+    /// Tasks of the static plan, as modelled by the analysis.
     pub demands: Vec<Demand>,
-    /// By task: the bound of each stage; `None` without a bound.
+    /// Bounds of the stages of each task; `None` for a task without a bound.
     pub bounds: Vec<Option<Vec<Bound>>>,
-    /// By reservation of the static plan: its load on any core.
+    /// Load of each reservation of the static plan on any core.
     pub reserved: Vec<Demand>,
-    /// By reservation: longest time from its wake-up to the end of its step, ns; `None` without a bound.
+    /// Maximum time from the wake-up of each reservation to the end of its step, ns; `None` without a bound.
     pub reserved_response: Vec<Option<i64>>,
-    /// Lateness of a reservation's wake-up, ns.
+    /// Maximum lateness of the reservations' wake-ups, ns.
     pub reserved_late: i64,
 }
 

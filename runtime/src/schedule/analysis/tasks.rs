@@ -21,11 +21,11 @@ use crate::plan::{Activation, ComponentPlan, OnOverrun, Plan, SchedulingClass, S
 pub struct StaticPlan {
     /// Tasks, each after the task that triggers it.
     pub tasks: Vec<Task>,
-    /// Position per component of the plan; `None` if it is not real-time, or may run on several cores.
+    /// Position of each component of the plan; `None` if it is not real-time, or may run on several cores.
     pub places: Vec<Option<Place>>,
-    /// Deadline-scheduled components, which precede all tasks on any core.
+    /// Components under `SCHED_DEADLINE`, which run ahead of all tasks on any core.
     pub reservations: Vec<Reservation>,
-    /// Number of cores of the graph, for real-time and shared work together.
+    /// Number of cores that the graph uses, for real-time and shared work together.
     pub available_cores: usize,
 }
 
@@ -34,18 +34,18 @@ pub struct StaticPlan {
 pub struct Reservation {
     /// Step of the component.
     pub step: Step,
-    /// Core time granted by the kernel in each period, ns.
+    /// Core time that the kernel grants in each period, ns.
     pub runtime_ns: u64,
     /// Period and relative deadline, ns.
     pub period_ns: u64,
     /// Offset of the first release, ns.
     pub phase_ns: u64,
-    /// True if releases never leave the grid.
+    /// True if releases are always on the grid.
     pub fixed: bool,
 }
 
 impl Reservation {
-    /// Returns the share of a core, 1 for the whole core.
+    /// Returns the reserved fraction of a core, 0 to 1.
     pub fn share(&self) -> f64 {
         self.runtime_ns as f64 / self.period_ns as f64
     }
@@ -54,51 +54,52 @@ impl Reservation {
 /// Position of a component in a static plan.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub struct Place {
-    /// Index of its task.
+    /// Index of the component's task.
     pub task: usize,
-    /// Index of its stage.
+    /// Index of the component's stage in the task.
     pub stage: usize,
 }
 
 /// Components that trigger one another on one core at one priority.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Task {
-    /// The core.
+    /// Index of the core.
     pub core: usize,
-    /// `SCHED_FIFO` priority of its head; triggered components may rise above it.
+    /// `SCHED_FIFO` priority of the task's head. Triggered components may have a higher one.
     pub priority: u8,
-    /// Time between two releases of the component at the head of the whole chain, ns; the shortest time if
-    /// events release it.
+    /// Time between two releases of the head of the whole trigger chain, ns. If events release it, the
+    /// minimum time.
     pub period_ns: u64,
-    /// The release of its first stage.
+    /// Release of the first stage.
     pub release: Release,
-    /// Its stages, one after the other.
+    /// Stages, which run one after the other.
     pub stages: Vec<Stage>,
 }
 
-/// The release of a task.
+/// Release of a task.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Release {
-    /// The clock, at `start + phase + n * period`.
+    /// By the clock, at `start + phase + n * period`.
     Timer {
         /// Offset of the first release, ns.
         phase_ns: u64,
-        /// Earliest start of spinning before a release, ns.
+        /// Maximum time before a release at which spinning starts, ns.
         spin_ns: u64,
-        /// `true` if spinning may start later, depending on the machine's wake-up errors.
+        /// `true` if spinning may start later, depending on the wake-up errors of the machine.
         tuned: bool,
-        /// `true` if releases never leave the grid; the overrun policy `rephase` moves it.
+        /// `true` if releases are always on the grid; `false` if the overrun policy is `rephase`, which moves
+        /// the grid.
         fixed: bool,
     },
-    /// An event from outside the graph, signalled by a file descriptor, at any time but at least one period
-    /// after the previous one (a sporadic task).
+    /// By an event from outside the graph, signalled by a file descriptor, at any time but at least one
+    /// period after the previous release (a sporadic task).
     Event,
-    /// A publication of another component.
+    /// By a publication of another component.
     Trigger {
-        /// Index of that component in the plan.
+        /// Index of the publishing component in the plan.
         by: usize,
-        /// Longest time from the publication until the core of another component is notified, ns.
+        /// Maximum time from the publication until the core of the triggered component is notified, ns.
         delay_ns: u64,
     },
 }
@@ -106,7 +107,7 @@ pub enum Release {
 /// Components that are triggered together and run one after the other.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
 pub struct Stage {
-    /// Their steps.
+    /// Steps of the components.
     pub steps: Vec<Step>,
 }
 
@@ -115,39 +116,39 @@ pub struct Stage {
 pub struct Step {
     /// Index of the component in the plan.
     pub component: usize,
-    /// Execution time allowed, ns.
+    /// Allowed execution time, ns; `None` if the graph sets no budget.
     pub budget_ns: Option<u64>,
     /// Overhead of the runtime and the machine, ns.
     pub overhead_ns: u64,
-    /// Part of the overhead after the step has published, ns.
+    /// Part of the overhead that follows the publication of the step, ns.
     pub after_ns: u64,
-    /// Longest time that it waits for an answer without the core, ns.
+    /// Maximum time for which the step waits for an answer without using the core, ns.
     pub waits_ns: u64,
 }
 
 impl Step {
-    /// Returns the core time, ns: budget plus overhead, or only the overhead without a budget.
+    /// Returns the core time of the step, ns: budget plus overhead, or only the overhead without a budget.
     pub fn cost_ns(&self) -> u64 {
         self.budget_ns.unwrap_or(0) + self.overhead_ns
     }
 }
 
 impl Stage {
-    /// Returns the core time of its steps, ns.
+    /// Returns the core time of all steps of the stage, ns.
     pub fn cost_ns(&self) -> u64 {
         self.steps.iter().map(Step::cost_ns).sum()
     }
 }
 
 impl Stage {
-    /// Returns the longest total waiting time of its steps without the core, ns.
+    /// Returns the maximum total time for which the steps of the stage wait without using the core, ns.
     pub fn waits_ns(&self) -> u64 {
         self.steps.iter().map(|step| step.waits_ns).sum()
     }
 }
 
 impl Task {
-    /// Returns the spin time of its head before every release, ns.
+    /// Returns the time for which the head of the task spins before every release, ns.
     pub fn spin_ns(&self) -> u64 {
         match self.release {
             Release::Timer { spin_ns, .. } => spin_ns,
@@ -160,7 +161,7 @@ impl Task {
         self.spin_ns() + self.stages.iter().map(Stage::cost_ns).sum::<u64>()
     }
 
-    /// Returns the longest time that the steps of one release wait without the core, ns.
+    /// Returns the maximum total time for which the steps of one release wait without using the core, ns.
     pub fn waits_ns(&self) -> u64 {
         self.stages.iter().map(Stage::waits_ns).sum()
     }
@@ -170,7 +171,7 @@ impl Task {
         self.stages.iter().flat_map(|stage| &stage.steps)
     }
 
-    /// Returns the index in the plan of the component at its head.
+    /// Returns the index in the plan of the component at the head of the task.
     pub fn head(&self) -> usize {
         self.stages[0].steps[0].component
     }
@@ -273,17 +274,17 @@ impl StaticPlan {
         });
     }
 
-    /// Returns the reservation of a component, and its index.
+    /// Returns the index of a component's reservation, and the reservation; `None` if it has none.
     pub fn reservation(&self, component: usize) -> Option<(usize, &Reservation)> {
         self.reservations.iter().enumerate().find(|(_, reservation)| reservation.step.component == component)
     }
 
-    /// Returns `true` if a component is part of the analysis.
+    /// Returns `true` if the analysis includes a component.
     pub fn knows(&self, component: usize) -> bool {
         self.places[component].is_some() || self.reservation(component).is_some()
     }
 
-    /// Returns the cores with tasks, ascending.
+    /// Returns the cores that have tasks, in ascending order.
     pub fn cores(&self) -> Vec<usize> {
         let mut cores: Vec<usize> = self.tasks.iter().map(|task| task.core).collect();
         cores.sort_unstable();

@@ -30,44 +30,46 @@
 /// Model of a task on a core.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(in crate::schedule) struct Demand {
-    /// Higher is more urgent.
+    /// Priority of the task; higher is more urgent.
     pub priority: u8,
-    /// Time between two releases.
+    /// Time between two releases, ns.
     pub period: i64,
     /// Offset of the releases, ns: due at `offset + n * period` on a clock shared by all tasks, or at any
     /// time if `None`.
     pub offset: Option<i64>,
     /// Release jitter, ns: the longest time from the due time to the release; `None` if unbounded.
     pub jitter: Option<i64>,
-    /// Longest time from the due time until it joins the queue of its priority, ns; not less than the jitter.
+    /// Maximum time from the due time until the task joins the queue of its priority, ns; not less than the
+    /// jitter.
     pub queue: i64,
-    /// True if it goes to the end of the queue again when it first gets the core, because a component that
-    /// waits for the clock yields to components it has woken. The order among yielding tasks does not change.
+    /// True if the task goes to the end of the queue again when it first gets the core, because a component
+    /// that waits for the clock yields to components that it has woken. The order among yielding tasks does
+    /// not change.
     pub yields: bool,
-    /// Cost of each stage.
+    /// Cost of each stage, ns.
     pub stages: Vec<i64>,
-    /// By stage: longest time that it waits without the core.
+    /// Maximum time for which each stage waits without using the core, ns.
     pub waits: Vec<i64>,
-    /// Time by which its work may be later than its release because it waits; `None` if unbounded.
+    /// Maximum delay of the task's work after its release because of its waiting, ns; `None` if unbounded.
     pub deferral: Option<i64>,
-    /// True if every job is known to finish before the next one is due, so that each job goes to the end of
-    /// the queue.
+    /// True if every job is known to finish before the next one is due. Each job then goes to the end of the
+    /// queue.
     pub orderly: bool,
 }
 
 /// Bounds of one stage of a task.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(in crate::schedule) struct Bound {
-    /// From the time a release is due to the end of the stage.
+    /// Time from when a release is due to the end of the stage.
     pub finish: Sum,
-    /// From the actual release to the end of the stage.
+    /// Time from the actual release to the end of the stage.
     pub response: Sum,
 }
 
 /// Terms of a bound: the stages of the job up to its own, plus other jobs, minus the time before the release.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub(in crate::schedule) struct Sum {
-    /// The bound.
+    /// Value of the bound, ns.
     pub total: i64,
     /// By task of the core: number of jobs that run in the window before the stage ends, excluding the job
     /// itself.

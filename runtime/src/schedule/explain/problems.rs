@@ -49,7 +49,7 @@ fn overload(admission: &Admission) -> Vec<Problem> {
 fn reserved_too_much(admission: &Admission) -> Option<Problem> {
     let load = admission.deadlines.as_ref().filter(|load| load.verdict == Verdict::Exceeds)?;
     Some(error(
-        "the kernel does not take so many components by their deadlines".to_string(),
+        "the kernel does not accept this many components under `SCHED_DEADLINE`".to_string(),
         Some(format!("all cores: {}", load.arithmetic)),
         "lower rates or budgets, or schedule some of them as `fifo`",
     ))
@@ -124,7 +124,7 @@ fn latencies(admission: &Admission, problems: &mut Vec<Problem>) {
                 latency.from, latency.to
             ),
             Some(format!("{} -> {}: {}", latency.from, latency.to, latency.arithmetic)),
-            "allow more time, lower budgets on its way, or let its components trigger one another",
+            "allow more time, lower budgets on its path, or let its components trigger one another",
         ));
     }
 }
@@ -148,7 +148,7 @@ fn not_known(analysis: &Analysis<'_>, problems: &mut Vec<Problem>) {
         &unknown.without_budget,
         "has no budget",
         "have no budget",
-        "add `budget = \"100 us\"`, or what a step takes at most",
+        "add `budget = \"100 us\"`, or the maximum execution time of a step",
     );
     warn(
         &unknown.released_by_others,
@@ -171,8 +171,8 @@ fn unprovable_latencies(analysis: &Analysis<'_>, admission: &Admission, problems
                 message: format!("the latency from `{}` to `{}` cannot be verified", latency.from, latency.to),
                 arithmetic: Some(format!("{} -> {}: {}", latency.from, latency.to, latency.arithmetic)),
                 advice: match latency.path.iter().any(by_events) {
-                    true => "trigger the components on its way by one another: what is read at a rate may be of any age",
-                    false => "schedule all components on its way as `fifo`, each on one core",
+                    true => "let the components on its path trigger one another; data read at a rate may be arbitrarily old",
+                    false => "schedule all components on its path as `fifo`, each on one core",
                 }
                 .to_string(),
             });

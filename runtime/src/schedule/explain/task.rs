@@ -84,8 +84,7 @@ fn by_deadline(
     }
     found.verdict = Verdict::Exceeds;
     if cost > runtime {
-        found.arithmetic =
-            format!("{} > {} that the kernel gives it", words::time(cost), words::time(runtime));
+        found.arithmetic = format!("{} > {} that the kernel grants", words::time(cost), words::time(runtime));
         return found;
     }
     let responses = analysis.responses;

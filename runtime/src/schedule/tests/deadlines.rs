@@ -122,7 +122,7 @@ fn step_longer_than_its_reservation_is_refused() {
     let overheads = Overheads { worker_ns: 60 * US, ..Overheads::NONE };
     let admission = check(&[node("a", KHZ, 200 * US).by_deadline(200 * US, 50 * US)], &overheads);
     assert_eq!(admission.tasks[0].verdict, Verdict::Exceeds);
-    assert_eq!(admission.tasks[0].arithmetic, "260 us > 250 us that the kernel gives it");
+    assert_eq!(admission.tasks[0].arithmetic, "260 us > 250 us that the kernel grants");
 }
 
 /// A component scheduled by deadline or by priority: period, phase, cost, spare run time or priority, core.

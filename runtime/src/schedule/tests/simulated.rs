@@ -216,7 +216,11 @@ fn age_of_event_data_read_at_a_rate_is_unbounded() {
         admission.latencies[0].arithmetic,
         "`goal` steps when events come, which may be arbitrarily rare: no bound"
     );
-    assert!(admission.problems[0].advice.contains("trigger the components"), "{:?}", admission.problems);
+    assert!(
+        admission.problems[0].advice.contains("let the components on its path trigger"),
+        "{:?}",
+        admission.problems
+    );
 }
 
 /// Returns the bound and the simulated response of "late", one of two equals that are released one after the

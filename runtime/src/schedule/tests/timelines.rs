@@ -55,7 +55,7 @@ fn events_are_drawn_at_their_minimum_interval() {
     assert_eq!(spans(&lanes[1]), [(5, 40), (45, 50)]);
     assert_eq!(
         drawn.notes,
-        ["released by events, drawn as if they came as often as `min_interval` lets them: `bus`"]
+        ["released by events, drawn as if they came as often as `min_interval` allows: `bus`"]
     );
 }
 
@@ -93,7 +93,7 @@ fn core_that_cannot_keep_up_is_drawn_and_named() {
         [node("a", When::Every(20, 0), 12).priority(90), node("b", When::Every(20, 0), 12).priority(50)];
     let drawn = drawn_timeline(&nodes, 0, MS);
     assert_eq!(drawn.cores[0].idle_ns(drawn.length_ns), 0);
-    assert_eq!(drawn.notes, ["core 1 cannot keep up: it falls further behind than is drawn"]);
+    assert_eq!(drawn.notes, ["core 1 cannot keep up: it falls further behind than the timeline shows"]);
 }
 
 #[test]

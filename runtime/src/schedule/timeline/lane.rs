@@ -5,28 +5,28 @@ use serde::Serialize;
 
 use crate::schedule::Activity;
 
-/// The segments of one component.
+/// Timeline of one component.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct Lane {
     /// Name of the component.
     pub component: String,
-    /// Its `SCHED_FIFO` priority.
+    /// `SCHED_FIFO` priority of the component.
     pub priority: u8,
-    /// Releases by the clock or a trigger, ns from the start.
+    /// Releases by the clock or a trigger, ns from the start of the timeline.
     pub releases_ns: Vec<u64>,
-    /// Intervals in which it runs on the core, in order.
+    /// Intervals in which the component runs on the core, in order.
     pub segments: Vec<Segment>,
-    /// Ends of steps after the next release, ns.
+    /// Ends of steps that ended after the next release, ns from the start of the timeline.
     pub late_ns: Vec<u64>,
 }
 
-/// A time for which a component runs on the core.
+/// An interval in which a component runs on the core.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct Segment {
-    /// From, ns.
+    /// Start of the interval, ns from the start of the timeline.
     pub start_ns: u64,
-    /// To, ns.
+    /// End of the interval, ns from the start of the timeline.
     pub end_ns: u64,
-    /// The activity.
+    /// Purpose of the time.
     pub activity: Activity,
 }

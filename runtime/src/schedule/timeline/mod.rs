@@ -17,30 +17,32 @@ use super::explain::words;
 use crate::plan::{Activation, Plan};
 use simulation::Simulation;
 
-/// One hyperperiod of every core with real-time components.
+/// Simulated schedule of one hyperperiod, for every core with real-time components.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct Timeline {
-    /// Its length, ns.
+    /// Simulated time, ns.
     pub length_ns: u64,
-    /// Period of the whole timeline, ns; `None` if it exceeds 64 bits.
+    /// Hyperperiod of the graph, ns; `None` if it exceeds 64 bits.
     pub hyperperiod_ns: Option<u64>,
-    /// The cores, ascending.
+    /// Timelines of the cores, in ascending order.
     pub cores: Vec<CoreTimeline>,
-    /// Omissions and assumptions, as text.
+    /// Omissions and assumptions of the simulation, as text.
     pub notes: Vec<String>,
 }
 
-/// The timeline of one core.
+/// Timeline of one core.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct CoreTimeline {
-    /// The core.
+    /// Index of the core.
     pub core: usize,
-    /// Its components: the chains with the most urgent heads first, each in its order.
+    /// Timelines of the core's components. Chains with more urgent heads come first; within a chain,
+    /// components are in trigger order.
     pub lanes: Vec<Lane>,
 }
 
 impl CoreTimeline {
-    /// Returns the time without real-time components on the core, ns.
+    /// Returns the time for which no real-time component runs on the core, ns. `length_ns` is the length of
+    /// the timeline.
     pub fn idle_ns(&self, length_ns: u64) -> u64 {
         let busy: u64 = self
             .lanes
@@ -52,7 +54,7 @@ impl CoreTimeline {
     }
 }
 
-/// Simulates one hyperperiod of a graph, at most `longest_ns` of it.
+/// Simulates one hyperperiod of a graph, but at most `longest_ns`.
 pub fn timeline(plan: &Plan, overheads: &Overheads, longest_ns: u64) -> Timeline {
     let tasks = StaticPlan::from_plan(plan, overheads);
     let hyperperiod_ns = hyperperiod(tasks.tasks.iter().map(|task| task.period_ns));
@@ -95,7 +97,8 @@ fn notes(plan: &Plan, tasks: &StaticPlan, hyperperiod_ns: Option<u64>, length_ns
         let here = tasks.on_core(core).into_iter().map(|task| &tasks.tasks[task]);
         let load: f64 = here.map(|task| task.cost_ns() as f64 / task.period_ns as f64).sum();
         if load > 1.0 + 1e-9 {
-            notes.push(format!("core {core} cannot keep up: it falls further behind than is drawn"));
+            notes
+                .push(format!("core {core} cannot keep up: it falls further behind than the timeline shows"));
         }
     }
     let all = 0..plan.components.len();
@@ -112,7 +115,7 @@ fn notes(plan: &Plan, tasks: &StaticPlan, hyperperiod_ns: Option<u64>, length_ns
         all.clone().filter(|index| by_events(index) && tasks.places[*index].is_some()).collect();
     if !sporadic.is_empty() {
         notes.push(format!(
-            "released by events, drawn as if they came as often as `min_interval` lets them: {}",
+            "released by events, drawn as if they came as often as `min_interval` allows: {}",
             words::names(plan, &sporadic)
         ));
     }

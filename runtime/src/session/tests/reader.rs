@@ -75,7 +75,7 @@ fn four_programs_read_a_topic_and_a_fifth_is_refused() {
     let mut readers: Vec<_> = (0..3).map(|_| reader(&bench)).collect();
     let tap = Tap::open(&bench.folder.domain().unwrap(), bench.topic()).unwrap();
     let refused = TopicReader::open(&bench.folder.domain().unwrap(), bench.topic());
-    assert!(refused.unwrap_err().to_string().contains("four places"));
+    assert!(refused.unwrap_err().to_string().contains("four programs"));
     drop(tap);
     readers.push(reader(&bench));
     let mut output = bench.output::<Wrench>();

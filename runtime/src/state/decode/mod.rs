@@ -14,68 +14,68 @@ pub(super) const PADDING: &str = "reserved";
 /// Name of a byte array that contains text.
 const TEXT: &str = "text";
 
-/// A layout or a sample cannot be decoded.
+/// Error of a [`Decoder`]: a layout or a sample cannot be decoded.
 #[derive(Debug, PartialEq, Eq, thiserror::Error)]
 pub enum DecodeError {
-    /// The type of a field is unknown to this program.
+    /// The layout has a field whose type this program does not know.
     #[error(
         "field `{field}` of `{type_name}` has the type `{kind}`, which this version of motorium cannot read"
     )]
     Kind {
-        /// The type.
+        /// Name of the layout's type.
         type_name: String,
-        /// The field.
+        /// Name of the field.
         field: String,
         /// Type of the field in the layout.
         kind: String,
     },
-    /// A field exceeds its sample.
-    #[error("field `{field}` of `{type_name}` ends at byte {end}, but a sample has only {size}")]
+    /// A field of the layout exceeds the sample.
+    #[error("field `{field}` of `{type_name}` ends at byte {end}, expected at most {size} (the sample size)")]
     Outside {
-        /// The type.
+        /// Name of the layout's type.
         type_name: String,
-        /// The field.
+        /// Name of the field.
         field: String,
-        /// End of the field, bytes from the start.
+        /// End of the field, bytes from the start of the sample.
         end: usize,
         /// Size of a sample, bytes.
         size: usize,
     },
-    /// A sample is truncated.
-    #[error("a sample of {found} bytes, expected {expected}")]
+    /// A sample is shorter or longer than its type.
+    #[error("the sample has {found} bytes, expected {expected}")]
     Short {
-        /// Number of bytes found.
+        /// Size of the sample, bytes.
         found: usize,
         /// Size of the type, bytes.
         expected: usize,
     },
     /// The count of an array exceeds its capacity.
-    #[error("`{count}` is {found}, but `{field}` holds at most {capacity} entries")]
+    #[error("`{count}` is {found}, expected at most {capacity}, the capacity of `{field}`")]
     Count {
-        /// The count field.
+        /// Name of the field that counts the entries.
         count: String,
-        /// The count found.
+        /// Value of that field.
         found: u64,
-        /// The array.
+        /// Name of the counted array.
         field: String,
-        /// Capacity of the array.
+        /// Number of entries that fit in the array.
         capacity: usize,
     },
 }
 
-/// The value of a field.
+/// The decoded value of a field.
 #[derive(Debug, Clone, PartialEq)]
 pub enum FieldValue {
     /// A single number.
     One(Number),
-    /// The entries in use of an array.
+    /// The array entries that are in use.
     Many(Vec<Number>),
     /// The bytes in use of an array named `text`; invalid UTF-8 is replaced.
     Text(String),
 }
 
 impl FieldValue {
-    /// Returns the numbers: one, or the array entries in use; empty for a text.
+    /// Returns the numbers of the value: one, or the array entries in use. Empty for a text.
     pub fn numbers(&self) -> &[Number] {
         match self {
             Self::One(number) => core::slice::from_ref(number),
@@ -85,7 +85,7 @@ impl FieldValue {
     }
 }
 
-/// A sample as names and values, in layout order. As JSON it is an object.
+/// A decoded sample: names and values of its fields, in layout order. Serialises as a JSON object.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Decoded<'a>(pub Vec<(&'a str, FieldValue)>);
 

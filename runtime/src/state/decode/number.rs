@@ -51,7 +51,7 @@ scalars!(
     I8 i8 i64, I16 i16 i64, I32 i32 i64, I64 i64 i64
 );
 
-/// A number of a sample.
+/// A number of a sample, widened to the largest type of its kind.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Number {
     /// From an `f64`.
@@ -76,8 +76,8 @@ macro_rules! numbers {
 numbers!(f64 => Double, f32 => Single, u64 => Natural, i64 => Integer);
 
 impl core::fmt::Display for Number {
-    /// Formats floats with six decimals, so that columns stay aligned while values change; tiny and huge
-    /// floats with an exponent.
+    /// Formats floats with six decimals, which keeps columns aligned while values change. Floats below 1e-5
+    /// or from 1e7 up are formatted with an exponent.
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         let value = match *self {
             Self::Natural(value) => return write!(f, "{value}"),

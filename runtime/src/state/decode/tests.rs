@@ -106,7 +106,7 @@ fn excessive_count_is_rejected_first() {
     let layout = JointState::layout();
     let sample = sample(&layout, &[("count", 65u32.to_ne_bytes().to_vec())]);
     let error = Decoder::new(&layout).unwrap().decode(&sample).unwrap_err();
-    assert_eq!(error.to_string(), "`count` is 65, but `position` holds at most 64 entries");
+    assert_eq!(error.to_string(), "`count` is 65, expected at most 64, the capacity of `position`");
 }
 
 #[test]

@@ -8,7 +8,7 @@ use crate::declare::TopicPattern;
 use crate::plan::TopicPlan;
 use crate::state::{Digest, Stamp};
 
-/// Number of pins of a topic in addition to its readers', for observing tools.
+/// Number of additional pins of each topic, for tools that observe it.
 pub(crate) const SIDE_PINS: usize = 4;
 pub(super) const LINE: usize = 64;
 /// Size of the two cache lines that processors fetch together, bytes.
@@ -61,7 +61,7 @@ impl Dimensions {
         Self { pins, slots, value, stride, size }
     }
 
-    /// Returns a hash that differs if the plans of two processes differ.
+    /// Returns a hash of the dimensions and the topic. It differs if the plans of two processes differ.
     pub(super) fn hash(self, topic: &TopicPlan) -> u64 {
         let mut digest = Digest::default();
         digest.write(topic.layout.hash().as_bytes());
@@ -84,8 +84,9 @@ impl Dimensions {
 }
 
 impl TopicPlan {
-    /// Returns the number of value slots of the topic. A state has one per reader and per tap (four), two for
-    /// the writer, and the history. A stream has the capacity of all queues and readers.
+    /// Returns the number of value slots of the topic. A state has one slot per reader and per tap (four),
+    /// two for the writer, and one per value of its history. A stream has the capacity of all queues and
+    /// readers.
     pub fn slots(&self) -> usize {
         match self.pattern {
             TopicPattern::State => Dimensions::from_topic(self).slots,
@@ -97,7 +98,7 @@ impl TopicPlan {
         }
     }
 
-    /// Returns the size of the topic's shared memory in whole pages, bytes.
+    /// Returns the size of the topic's shared memory, rounded up to whole pages, bytes.
     pub fn memory_bytes(&self) -> usize {
         let values = match self.pattern {
             TopicPattern::State => 0,

@@ -57,17 +57,18 @@ pub(crate) struct TopicMemory {
 }
 
 impl TopicMemory {
-    /// Creates and fully reserves the memory of a topic, so that a full file system makes this call fail
-    /// rather than a later access.
+    /// Creates the memory of a topic and reserves all pages, so that a lack of memory is an error here rather
+    /// than a crash on a later access.
     pub(crate) fn create(node: &Node<Shared>, topic: &TopicPlan) -> Result<Self, PortError> {
-        let refuse = refused(&topic.name, "making its shared memory");
+        let refuse = refused(&topic.name, "creating its shared memory");
         let dimensions = Dimensions::from_topic(topic);
         let storage = builder(node, topic, &refuse)?
             .has_ownership(true)
             .size(dimensions.bytes().saturating_add(PAGE))
             .create(&bump_allocator::Config::default())
             .map_err(|error| refuse(&error))?;
-        let memory = Self::map(storage, topic).ok_or_else(|| refuse(&"it is too small"))?;
+        let memory =
+            Self::map(storage, topic).ok_or_else(|| refuse(&"the mapping is smaller than requested"))?;
         memory.reserve().map_err(|error| refuse(&error))?;
         memory.preface().dimensions.store(dimensions.hash(topic), Relaxed);
         memory.preface().magic.store(MAGIC, Release);
@@ -80,11 +81,13 @@ impl TopicMemory {
         let dimensions = Dimensions::from_topic(topic);
         let storage =
             builder(node, topic, &refuse)?.open(AccessMode::ReadWrite).map_err(|error| refuse(&error))?;
-        let memory = Self::map(storage, topic).ok_or_else(|| refuse(&"it was cut short"))?;
+        let memory = Self::map(storage, topic).ok_or_else(|| refuse(&"the shared memory is truncated"))?;
         let preface = memory.preface();
         if preface.magic.load(Acquire) != MAGIC || preface.dimensions.load(Relaxed) != dimensions.hash(topic)
         {
-            return Err(refuse(&"it was made by another version of motorium, or for another type"));
+            return Err(refuse(
+                &"the shared memory was created by another version of motorium or for another type",
+            ));
         }
         // If this fails, pages are mapped on first access, which only costs page faults.
         let _ = memory.reserve();
@@ -101,7 +104,7 @@ impl TopicMemory {
         Some(Self { base, dimensions, in_use, _storage: storage })
     }
 
-    /// Populates every page now.
+    /// Maps every page now.
     fn reserve(&self) -> std::io::Result<()> {
         let first = self.base.as_ptr() as usize & !(PAGE - 1);
         let bytes = self.base.as_ptr() as usize + self.dimensions.bytes() - first;
@@ -110,7 +113,9 @@ impl TopicMemory {
         match unsafe { rustix::mm::madvise(first as *mut _, bytes, advice) } {
             // Linux before 5.14 does not know the advice: pages are mapped on first use.
             Ok(()) | Err(rustix::io::Errno::INVAL) => Ok(()),
-            Err(error) => Err(std::io::Error::other(format!("its memory could not be reserved: {error}"))),
+            Err(error) => Err(std::io::Error::other(format!(
+                "reserving the pages of the shared memory failed: {error}"
+            ))),
         }
     }
 
@@ -137,7 +142,7 @@ impl TopicMemory {
         self.slot(slot).cast::<u8>().wrapping_add(self.dimensions.value)
     }
 
-    /// Returns the stamp in a slot, which is accessed under the same rule as its value.
+    /// Returns the stamp in a slot. The same access rule applies as for its value.
     #[inline]
     pub(crate) fn stamp(&self, slot: usize) -> *const Stamp {
         self.stamp_words(slot).cast()
@@ -168,8 +173,8 @@ impl TopicMemory {
         self.dimensions.size
     }
 
-    /// Prefetches the parts in use of a slot, assuming the length of the value in the slot `like`. Without
-    /// `like`, prefetches the beginning of the slot. Returns the address of the slot.
+    /// Prefetches the parts of a slot that are in use, assuming the same counts as in the slot `like`.
+    /// Without `like`, prefetches the beginning of the slot. Returns the address of the slot.
     ///
     /// # Safety
     /// Nobody writes the value in the slot `like` during the call: the caller has pinned it, or is the only
@@ -329,7 +334,7 @@ fn builder(
     use iceoryx2::prelude::{FileName, SemanticString as _};
     if topic.layout.alignment > LINE {
         return Err(refuse(&format!(
-            "its type is aligned to {} bytes, at most {LINE} are possible",
+            "the alignment of its type is {} bytes, expected at most {LINE}",
             topic.layout.alignment
         )));
     }

@@ -15,9 +15,9 @@
 //! [`protocol`] and [`notify`] are written once, generic over their atomics, and model-checked with loom
 //! (`model`).
 //!
-//! # Reading every value
-//! A [`Tap`] reads every publication in order from the slots of older values, at no cost to the writer. A
-//! topic with a `history` keeps that many values for taps; publications that a tap misses are counted.
+//! A [`Tap`] reads every publication in order, from slots that still contain older values, at no cost to the
+//! writer. A topic with a `history` keeps that many values for taps. Publications that a tap misses are
+//! counted.
 
 mod dimensions;
 mod memory;

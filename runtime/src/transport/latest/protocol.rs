@@ -71,7 +71,7 @@ pub(crate) struct Head<A: Atomics> {
 #[derive(Debug)]
 #[repr(C, align(128))]
 pub(crate) struct Pin<A: Atomics> {
-    /// Slot plus 1; 0 for none.
+    /// Index of the slot plus 1; 0 if nothing is pinned.
     pub(crate) slot: A::U32,
 }
 
@@ -261,8 +261,8 @@ pub(crate) fn newest_with_time<A: Atomics>(words: &impl Words<A>) -> (Newest, u6
     }
 }
 
-/// Pins the newest value unless it is the publication `last` or there is none. Returns the pinned
-/// publication. A word that names a nonexistent slot is damaged and counts as no publication.
+/// Pins the newest value and returns its publication. Returns `None` if nothing was published or the newest
+/// publication is `last`. A word that names a nonexistent slot is damaged and counts as no publication.
 ///
 /// `fetch` is called with the slot just before it is pinned, so that the transfers of slot and pin from other
 /// cores overlap.
@@ -289,7 +289,7 @@ pub(crate) fn pin_newest<A: Atomics>(
     None
 }
 
-/// Pins a slot if it contains this publication. Returns `true` if it does.
+/// Pins a slot if it contains the publication `number`. Returns `true` on success.
 pub(crate) fn pin_marked<A: Atomics>(words: &impl Words<A>, pin: &Pin<A>, slot: usize, number: u64) -> bool {
     let mark = words.mark(slot);
     if mark.load(Relaxed) != number {

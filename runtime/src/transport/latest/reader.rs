@@ -17,7 +17,7 @@ use crate::state::{Stamp, StateBuffer};
 pub(crate) struct StateReader {
     memory: Rc<TopicMemory>,
     pin: usize,
-    /// The pinned publication; number 0 for none.
+    /// The pinned publication; its number is 0 if nothing is pinned.
     pinned: Newest,
 }
 
@@ -51,7 +51,7 @@ impl StateReader {
         self.memory.newest().number()
     }
 
-    /// Returns the number of the pinned publication; 0 for none.
+    /// Returns the number of the pinned publication; 0 if nothing is pinned.
     #[inline]
     pub(crate) fn seen(&self) -> u64 {
         self.pinned.number()
@@ -62,7 +62,7 @@ impl StateReader {
         self.pinned = Newest::default();
     }
 
-    /// Pins the newest value. Returns `true` if it differs from the previously pinned one.
+    /// Pins the newest value. Returns `true` if it is not the value that was already pinned.
     #[inline(never)]
     pub(crate) fn look(&mut self) -> bool {
         let memory = &*self.memory;

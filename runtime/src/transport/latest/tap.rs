@@ -11,8 +11,8 @@ use std::sync::atomic::Ordering::Relaxed;
 /// Number of attempts to pin a publication before it counts as not yet available.
 const TRIES: usize = 64;
 
-/// A reader of every publication of a topic, in order, from the slots of older values. The writer does
-/// nothing for it.
+/// A reader of every publication of a topic, in order, from slots that still contain older values. Reading
+/// costs the writer nothing.
 #[derive(Debug)]
 pub(crate) struct Tap {
     memory: TopicMemory,
@@ -27,7 +27,7 @@ pub(crate) struct Tap {
 }
 
 impl Tap {
-    /// Joins a topic with one of its side pins and the pin's lock; the first value is the newest one.
+    /// Joins a topic with one of its side pins and the lock of that pin. The first value is the newest one.
     pub(crate) fn join(memory: TopicMemory, (place, pin): (Lock, usize)) -> Self {
         unpin(&memory.pins()[pin]);
         let newest = memory.newest();
@@ -35,8 +35,8 @@ impl Tap {
         Self { memory, pin, last, slot: newest.slot(), missed: 0, _place: place }
     }
 
-    /// Passes the stamp and bytes of the next publication to `read`, in place. Returns `false` if there is
-    /// none yet.
+    /// Passes the stamp and bytes of the next publication to `read`, without copying. Returns `false` if
+    /// there is no new publication.
     pub(crate) fn next(&mut self, read: impl FnOnce(&Stamp, &[u8])) -> bool {
         // An attempt fails if the writer claims the slot; damaged words make all attempts fail.
         for _ in 0..TRIES {

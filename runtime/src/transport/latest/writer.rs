@@ -31,7 +31,7 @@ impl StateWriter {
         self.writer.borrow_mut().slot(&*self.memory)
     }
 
-    /// Returns the value in the slot that is being filled, to be written.
+    /// Returns mutable access to the value in the slot that is being filled.
     ///
     /// # Safety
     /// The caller must have the only reference to the value: an output is the only user of its writer's slot,
@@ -47,7 +47,7 @@ impl StateWriter {
         unsafe { &mut *self.memory.value(self.slot()).cast::<T>() }
     }
 
-    /// Returns the bytes of the value in the slot that is being filled, to be written.
+    /// Returns mutable access to the bytes of the value in the slot that is being filled.
     ///
     /// # Safety
     /// As for [`value_mut`](Self::value_mut).

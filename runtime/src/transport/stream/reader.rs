@@ -41,8 +41,9 @@ impl<T: StateBuffer> StreamReader<T> {
         self.queue.clone()
     }
 
-    /// Takes the next valid sample from the queue. Returns `true` if there was one. An invalid sample, or one
-    /// whose number is not above the last one, is refused and counted, and the previous sample is kept.
+    /// Takes the next valid sample from the queue. Returns `true` if there was one. A sample is refused and
+    /// counted if it is invalid or its number is not above the previous one; the previous sample is then
+    /// kept.
     pub(crate) fn take(&mut self, context: &Context, is_valid: impl Fn(&[T]) -> bool) -> bool {
         while let Some(sample) = receive(&self.queue) {
             let (stamp, bytes) = parts(&sample);
@@ -65,12 +66,12 @@ impl<T: StateBuffer> StreamReader<T> {
         false
     }
 
-    /// Drops the sample read in the previous episode. The queue has already been emptied.
+    /// Drops the sample that was read in the previous episode. The queue has already been emptied.
     pub(crate) fn begin_episode(&mut self) {
         (self.current, self.last) = (None, (0, 0));
     }
 
-    /// Returns the sample read last.
+    /// Returns the sample that was read last.
     #[inline]
     pub(crate) fn current(&self) -> Option<(&Stamp, &[T])> {
         let (stamp, bytes) = parts(self.current.as_ref()?);
@@ -78,7 +79,7 @@ impl<T: StateBuffer> StreamReader<T> {
         Some((stamp, unsafe { values(bytes) }))
     }
 
-    /// Returns the value read last from a stream of single values.
+    /// Returns the value that was read last from a stream of single values.
     #[inline]
     pub(crate) fn value(&self) -> Option<(&Stamp, &T)> {
         // SAFETY: the queue was opened for single values.

@@ -24,8 +24,8 @@ pub(crate) type Sender = Publisher<Shared, Bytes, Header>;
 /// A received sample.
 pub(crate) type Received = Sample<Shared, Bytes, Header>;
 
-/// Takes the next sample from a queue. An error means that a publisher that is just starting or dying could
-/// not be connected. This is treated as no sample yet; the age of the last sample shows it.
+/// Takes the next sample from a queue. An error means that a starting or dying publisher could not be
+/// connected. It is treated like an empty queue; the age of the last sample reveals it.
 #[inline(never)]
 pub(crate) fn receive(queue: &Queue) -> Option<Received> {
     queue.receive().ok().flatten()

@@ -63,10 +63,10 @@ fn open(node: &Node<Shared>, topic: &TopicPlan) -> Result<Samples, PortError> {
 /// Opens a queue of a topic's samples.
 pub(crate) fn open_queue(node: &Node<Shared>, topic: &TopicPlan) -> Result<Queue, PortError> {
     let queue = open(node, topic)?.subscriber_builder().create();
-    queue.map_err(|error| refused(&topic.name, "making a subscriber")(&error))
+    queue.map_err(|error| refused(&topic.name, "creating a subscriber")(&error))
 }
 
-/// Opens the sender of a topic's samples, with at most this many elements.
+/// Opens the sender of a topic's samples, with at most `longest` elements per sample.
 pub(super) fn open_sender(
     node: &Node<Shared>,
     topic: &TopicPlan,
@@ -74,7 +74,7 @@ pub(super) fn open_sender(
 ) -> Result<Sender, PortError> {
     let service = open(node, topic)?;
     let sender = service.publisher_builder().max_loaned_samples(1).initial_max_slice_len(longest).create();
-    sender.map_err(|error| refused(&topic.name, "making a publisher")(&error))
+    sender.map_err(|error| refused(&topic.name, "creating a publisher")(&error))
 }
 
 /// Returns the attribute that the service of a topic must have.

@@ -48,7 +48,7 @@ impl<T: StateBuffer> SliceInput<T> {
         self.queue.is_some()
     }
 
-    /// Returns the next unread slice, in order, with its stamp. It stays in place until the next call.
+    /// Returns the next unread slice, in order, with its stamp. The slice remains valid until the next call.
     pub fn next_unread(&mut self) -> Option<(Stamp, &[T])> {
         let queue = self.queue.as_mut()?;
         if self.effects.begins_episode() {
@@ -63,19 +63,19 @@ impl<T: StateBuffer> SliceInput<T> {
         Some((*stamp, values))
     }
 
-    /// Returns the slice read last.
+    /// Returns the slice that was read last, with its stamp.
     pub fn current(&self) -> Option<(Stamp, &[T])> {
         let queue = self.queue.as_ref().filter(|_| self.effects.is_of_this_episode())?;
         queue.current().map(|(stamp, values)| (*stamp, values))
     }
 
-    /// Returns the number of slices that were overwritten before they were read.
+    /// Returns the number of slices that were overwritten before this input read them.
     pub fn lost(&self) -> u64 {
         self.queue.as_ref().map_or(0, StreamReader::lost)
     }
 }
 
-/// An output port that writes slices of up to a declared maximum length, in place.
+/// An output port for slices, filled in place, with lengths up to a declared maximum.
 ///
 /// ```
 /// # use motorium::prelude::*;
@@ -95,13 +95,13 @@ pub struct SliceOutput<T: StateBuffer> {
     context: Rc<Context>,
 }
 
-/// A slice to fill in place and publish. Dropping it publishes nothing.
+/// A slice to fill in place and publish. Dropping the loan publishes nothing.
 #[derive(Debug)]
 pub struct SliceLoan<'a, T: StateBuffer> {
     sample: Option<Lent<T>>,
     length: usize,
     output: &'a mut SliceOutput<T>,
-    /// True if the whole slice was checked while it was written and has not been written to since.
+    /// True if the whole slice was checked while it was filled and has not been written to since.
     checked: bool,
 }
 
@@ -118,7 +118,9 @@ impl<T: StateBuffer> SliceOutput<T> {
         let topic = place.topic;
         same_layout::<T>(topic, port)?;
         let TopicPattern::Slices { longest, .. } = topic.pattern else {
-            return Err(refused(&topic.name, "opening a port for slices")(&"it carries single values"));
+            return Err(refused(&topic.name, "opening a port for slices")(
+                &"the topic contains single values",
+            ));
         };
         let stream = StreamWriter::<T>::open(participant, topic, longest)?;
         let topic = TopicWriter::new(participant, place, participant.memory(topic)?, None);
@@ -136,23 +138,25 @@ impl<T: StateBuffer> SliceOutput<T> {
         self.wired.is_some()
     }
 
-    /// Returns the maximum number of elements of a slice.
+    /// Returns the maximum number of elements per slice.
     pub fn longest(&self) -> usize {
         self.longest
     }
 
-    /// Lends the memory of the next slice, with this length.
+    /// Lends the memory of the next slice. `length` is its number of elements.
     ///
     /// # Errors
-    /// The slice is longer than declared, or readers still use all samples.
+    /// The slice is longer than declared, or readers still use all samples of the topic.
     pub fn loan(&mut self, length: usize) -> Result<SliceLoan<'_, T>, StepError> {
         let failed = |reason| StepError::Transport { port: self.port, reason };
         if length > self.longest {
-            return Err(failed("the slice is longer than the output declares"));
+            return Err(failed("the slice is longer than the declared maximum"));
         }
         let sample = match &self.wired {
             None => None,
-            Some((stream, _)) => Some(stream.lend(length).ok_or_else(|| failed("no sample could be lent"))?),
+            Some((stream, _)) => {
+                Some(stream.lend(length).ok_or_else(|| failed("readers still use all samples"))?)
+            }
         };
         Ok(SliceLoan { sample, length, output: self, checked: false })
     }
@@ -180,9 +184,9 @@ impl<T: StateBuffer> core::ops::DerefMut for SliceLoan<'_, T> {
 }
 
 impl<T: StateBuffer> SliceLoan<'_, T> {
-    /// Fills the slice from its start until the slice is full or the values run out, and checks each element
-    /// as it is written. [`publish`](Self::publish) then does not read the slice again, unless it was written
-    /// to in the meantime or was not filled completely. Returns the number of elements written.
+    /// Fills the slice with values, until the slice is full or the values run out. Each element is checked
+    /// while it is written. [`publish`](Self::publish) then skips its check, unless the slice was not filled
+    /// completely or was written to in the meantime. Returns the number of elements written.
     ///
     /// ```
     /// # use motorium::prelude::*;
@@ -203,17 +207,18 @@ impl<T: StateBuffer> SliceLoan<'_, T> {
     /// Publishes the slice and wakes the components that it triggers.
     ///
     /// # Errors
-    /// [`StepError::InvalidOutput`] if a number of the slice is not finite; the slice is then not published.
+    /// [`StepError::InvalidOutput`] if a number of the slice is not finite. Nothing is published then.
     pub fn publish(self) -> Result<(), StepError> {
         self.finish(None)
     }
 
-    /// Like [`publish`](Self::publish), with the source time of the slice, such as the exposure time of an
-    /// image, in ns on the clock of stamps: see [`Loan::publish_from`](crate::transport::Loan::publish_from).
+    /// Publishes the slice like [`publish`](Self::publish), with an explicit source time, such as the
+    /// exposure time of an image, in ns on the clock of stamps. See
+    /// [`Loan::publish_from`](crate::transport::Loan::publish_from).
     ///
     /// # Errors
-    /// Same as [`publish`](Self::publish), or [`StepError::SourceInFuture`] if the source time is more than 1
-    /// ms in the future.
+    /// Same as [`publish`](Self::publish). Also [`StepError::SourceInFuture`] if the source time is more than
+    /// 1 ms in the future.
     pub fn publish_from(self, source_ns: u64) -> Result<(), StepError> {
         self.finish(Some(source_ns))
     }

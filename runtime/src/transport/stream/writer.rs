@@ -24,7 +24,7 @@ pub(crate) struct StreamWriter<T> {
 }
 
 impl<T: StateBuffer> StreamWriter<T> {
-    /// Joins a topic with this layout, of slices of up to this many values or of single values.
+    /// Joins a topic. `longest` is the maximum number of values per sample, 1 for a stream of single values.
     pub(crate) fn open(
         participant: &Participant,
         topic: &TopicPlan,
@@ -33,8 +33,8 @@ impl<T: StateBuffer> StreamWriter<T> {
         Ok(Self { sender: Rc::new(open_sender(participant.node(), topic, longest)?), content: PhantomData })
     }
 
-    /// Lends the memory of the next sample, with room for `count` values (1 in a stream of single values).
-    /// Returns `None` if readers still use all samples.
+    /// Lends the memory of the next sample, for `count` values (1 in a stream of single values). Returns
+    /// `None` if readers still use all samples.
     pub(crate) fn lend(&self, count: usize) -> Option<Lent<T>> {
         lend(&self.sender, count).map(|sample| Lent { sample, content: PhantomData })
     }
@@ -59,7 +59,7 @@ impl<T: StateBuffer> Lent<T> {
         unsafe { values(as_bytes(self.sample.payload())) }
     }
 
-    /// Returns the values, to be filled.
+    /// Returns mutable access to the values.
     #[inline]
     pub(crate) fn payload_mut(&mut self) -> &mut [T] {
         let bytes = self.sample.payload_mut();

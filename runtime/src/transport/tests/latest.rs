@@ -219,7 +219,7 @@ fn topic_has_four_tap_places_and_reuses_closed_ones() {
     let domain = bench.folder.domain().unwrap();
     let mut taps: Vec<_> = (0..4).map(|_| Tap::open(&domain, bench.topic()).unwrap()).collect();
     let error = Tap::open(&domain, bench.topic()).unwrap_err().to_string();
-    assert!(error.contains("four places"), "{error}");
+    assert!(error.contains("four programs"), "{error}");
     taps.pop();
     assert!(Tap::open(&domain, bench.topic()).is_ok());
 }

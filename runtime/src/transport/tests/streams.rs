@@ -41,7 +41,7 @@ fn slices_up_to_the_declared_length_arrive_in_order() {
         assert!(slice.iter().enumerate().all(|(i, value)| *value == (length + i) as u16));
     }
     let error = output.loan(1_001).unwrap_err().to_string();
-    assert!(error.contains("longer than the output declares"), "{error}");
+    assert!(error.contains("longer than the declared maximum"), "{error}");
     for value in 0..9 {
         let mut loan = output.loan(1).unwrap();
         loan[0] = value;

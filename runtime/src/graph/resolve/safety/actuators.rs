@@ -68,7 +68,7 @@ pub(in super::super) fn resolve(
         {
             let (period, name) = (TimeSpan { ns: period_ns }, drafts[writer].name);
             report
-                .error(format!("commands of `{}` are stale before the next one comes", draft.name))
+                .error(format!("commands of `{}` become stale before the next one arrives", draft.name))
                 .label(&at.span, format!("{age}, shorter than {period}"))
                 .and(&span, format!("`{name}` writes one every {period}"))
                 .advise(format!("set `stale_after` to more than {period}, or run `{name}` faster"));

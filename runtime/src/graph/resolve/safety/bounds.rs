@@ -64,7 +64,7 @@ pub(super) fn check_settle(at: Option<&At<TimeSpan>>, report: &mut Report) {
     let Some((at, settle)) = at.and_then(|at| Some((at, *at.get()?))) else { return };
     if settle > LONGEST_SETTLE {
         report
-            .error(format!("`settle` is {settle}: every end of a run would take so long"))
+            .error(format!("`settle` is {settle}: the end of a run would last this long"))
             .label(&at.span, format!("expected at most {LONGEST_SETTLE}"))
             .advise("leave it out for the default");
     } else if settle < SHORT_SETTLE {

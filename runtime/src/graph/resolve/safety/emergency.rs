@@ -64,7 +64,7 @@ pub(super) fn max_age(
                 "`emergency_stop_max_age` is {max_age}: a dead button would go unnoticed for this time"
             ))
             .label(&at.span, format!("expected at most {LONGEST}"))
-            .advise("let the feeder repeat its value several times a second");
+            .advise("let the publisher repeat its value several times per second");
     }
     if good(&table.emergency_stop).is_none() {
         return max_age;

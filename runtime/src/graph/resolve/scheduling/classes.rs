@@ -96,7 +96,7 @@ fn deadline(draft: &Draft<'_, '_>, period_ns: Option<u64>, report: &mut Report) 
         report
             .error(format!("the kernel does not schedule component `{name}` by its deadline"))
             .label(&rate.span, format!("a period of {}", TimeSpan { ns: period_ns }))
-            .and(place, "`SCHED_DEADLINE` takes periods from 100 us to 4.19 s")
+            .and(place, "`SCHED_DEADLINE` accepts periods from 100 us to 4.19 s")
             .advise("schedule it as `fifo`");
     }
     let runtime_ns = (budget_ns.unwrap_or(0) + DEADLINE_ROOM_NS).min(period_ns);
@@ -121,7 +121,7 @@ fn priority(draft: &Draft<'_, '_>, schedule: Schedule, report: &mut Report) -> O
     };
     let diagnostic = report
         .error(format!("component `{}` has a priority but {why}", draft.name))
-        .label(&at.key, format!("has no meaning for `schedule = \"{}\"`", schedule.word()))
+        .label(&at.key, format!("does not apply to `schedule = \"{}\"`", schedule.word()))
         .advise("leave `priority` out, or schedule the component as `fifo`");
     if let Some(schedule) = &draft.table.schedule {
         diagnostic.and(&schedule.span, label);

@@ -133,7 +133,10 @@ fn given(
     let core = *at.get()?;
     if schedule == Schedule::Deadline {
         report
-            .error(format!("component `{}` is scheduled by its deadline and cannot have a core", draft.name))
+            .error(format!(
+                "component `{}` is scheduled by its deadline and must not have a `core`",
+                draft.name
+            ))
             .label(&at.key, "`SCHED_DEADLINE` runs a component on any free core")
             .advise("leave `core` out, or schedule the component as `fifo`");
         return None;

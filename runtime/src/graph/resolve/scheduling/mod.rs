@@ -21,13 +21,13 @@ use crate::plan::{ClockKind, SchedulingClass, SchedulingPlan, Spin};
 #[derive(Debug)]
 pub(super) struct Scheduling {
     pub plan: SchedulingPlan,
-    /// By component.
+    /// Scheduling class of each component.
     pub classes: Vec<SchedulingClass>,
-    /// Per component: increment of its priority over the head of its chain.
+    /// Priority of each component relative to the head of its trigger chain.
     pub rises: Vec<u8>,
-    /// Per component; `None` for any of the shared cores.
+    /// Core of each component; `None` if it may run on any of the shared cores.
     pub cores: Vec<Option<usize>>,
-    /// By component.
+    /// Spinning of each component before its releases.
     pub spins: Vec<Spin>,
 }
 

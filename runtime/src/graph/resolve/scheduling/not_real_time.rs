@@ -18,9 +18,7 @@ pub(super) fn warn(drafts: &[Draft<'_, '_>], schedules: &[Schedule], wiring: &Wi
             continue;
         }
         let (place, label, advice) = match &draft.table.schedule {
-            Some(at) => {
-                (&at.span, "insists on a real-time class", "leave `schedule` out, or write \"normal\"")
-            }
+            Some(at) => (&at.span, "requests a real-time class", "leave `schedule` out, or write \"normal\""),
             None => (
                 &draft.place,
                 "scheduled as `normal`",

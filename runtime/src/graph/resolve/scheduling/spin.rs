@@ -29,7 +29,7 @@ pub(super) fn spins(
         && drafts.iter().all(|draft| good_or(&draft.table.spin, graph) != SpinChoice::Auto)
     {
         report
-            .error("`spin_share` limits a spin that tunes itself, and here none does")
+            .error("`spin_share` only limits an automatic spin time, but this spin time is fixed")
             .label(&share.key, "has no meaning here")
             .and(&spin.span, "a fixed time")
             .advise("leave `spin_share` out, or write `spin = \"auto\"`");
@@ -63,7 +63,7 @@ fn has_a_use(draft: &Draft<'_, '_>, own: &At<SpinChoice>, schedule: Schedule, re
     let nothing = matches!(own.get(), Some(SpinChoice::Fixed(TimeSpan { ns: 0 })));
     if let Some((place, why, label)) = activate::not_by_the_clock(draft) {
         report
-            .error(format!("component `{}` has no release to spin for", draft.name))
+            .error(format!("component `{}` has no release time to spin for", draft.name))
             .label(&own.key, why)
             .and(place, label)
             .advise("leave `spin` out");
@@ -71,7 +71,7 @@ fn has_a_use(draft: &Draft<'_, '_>, own: &At<SpinChoice>, schedule: Schedule, re
         let place = good(&draft.table.schedule).and(draft.table.schedule.as_ref());
         let diagnostic = report
             .error(format!("component `{}` is scheduled by its deadline and must not spin", draft.name))
-            .label(&own.span, "spinning would use up the time it has in each period")
+            .label(&own.span, "spinning would use up its budget in each period")
             .advise("leave `spin` out");
         if let Some(schedule) = place {
             diagnostic.and(&schedule.span, "by its deadline");

@@ -23,13 +23,14 @@ pub(super) enum Chance {
 /// Longest observed times, by component.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Seen {
-    /// From the release of its task.
+    /// Response time of each component, from the release of its task, ns.
     pub response: Vec<i64>,
-    /// From the release at the head of its chain.
+    /// Response time of each component, from the release at the head of its chain, ns.
     pub chain: Vec<i64>,
-    /// From the source time of its data to its publication, by the component at which the data originated.
+    /// Latency from the source time of a component's data to its publication, ns. The key contains the
+    /// component at which the data originated.
     pub latency: HashMap<(usize, usize), i64>,
-    /// Share of time in which the core was busy, by core.
+    /// Fraction of time in which each core was busy.
     pub busy: HashMap<usize, f64>,
 }
 
