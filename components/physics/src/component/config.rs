@@ -72,11 +72,12 @@ pub struct PhysicsConfig {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SurfaceConfig {
-    /// Coefficient of friction, from 0; 0 is frictionless in contact with everything that has no
+    /// Coefficient of friction, from 0. A surface with 0 is frictionless against every surface without a
     /// `friction_combine`.
     #[schemars(range(min = 0.0))]
     pub friction: Option<f64>,
-    /// Rule by which frictions combine. Default: the mean of both surfaces' for a friction above 0.
+    /// Rule by which the friction coefficients of two surfaces combine. Default: the mean if the friction is
+    /// above 0, otherwise the product.
     pub friction_combine: Option<FrictionCombine>,
     /// Fraction of the approach speed kept after an impact, 0 to 1. A contact uses the mean of both surfaces.
     #[schemars(range(min = 0.0, max = 1.0))]

@@ -30,7 +30,7 @@ pub enum TerrainError {
         key: String,
         /// The file.
         file: String,
-        /// The value found, and the values expected.
+        /// Actual and expected values.
         problem: String,
     },
     /// The grid has too many heights.
@@ -44,11 +44,11 @@ pub enum TerrainError {
     /// A height is not finite.
     #[error("the height at x = {x}, y = {y} is {height}, expected a finite number")]
     Height {
-        /// Place.
+        /// Position along x \[m\].
         x: f64,
-        /// Place.
+        /// Position along y \[m\].
         y: f64,
-        /// Height.
+        /// Height \[m\].
         height: f64,
     },
 }

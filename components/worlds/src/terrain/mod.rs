@@ -30,7 +30,7 @@ const BAND: f64 = 0.3;
 
 /// Uneven ground instead of a plane: the sum of its layers, above z = 0.
 ///
-/// Beyond its size, the height at the nearest edge continues.
+/// Beyond its size, the height continues as at the nearest edge.
 ///
 /// ```
 /// use motorium_worlds::Terrain;
@@ -60,7 +60,7 @@ pub struct Terrain {
     #[serde(default)]
     pub centre: [f64; 2],
     /// Distance between adjacent heights (m). Default 0.05. Steeper features, such as the front of a step,
-    /// become slopes of this length.
+    /// become slopes of this horizontal length.
     #[serde(default = "default_spacing")]
     pub spacing: f64,
     /// Radius of the level area at z = 0 around the origin of the world (m). Default 0.
@@ -69,22 +69,24 @@ pub struct Terrain {
     /// Seed of random layers. Default 0.
     #[serde(default)]
     pub seed: u64,
-    /// Factor of all heights. Default 1.
+    /// Scales all heights. Default 1.
     #[serde(default = "one")]
     pub scale: f64,
-    /// Coefficient of friction, default 0.8; 0 is frictionless on everything without a `friction_combine`.
+    /// Coefficient of friction, default 0.8. A surface with 0 is frictionless against every surface without a
+    /// `friction_combine`.
     #[serde(default = "default_friction")]
     #[schemars(range(min = 0.0))]
     pub friction: f64,
-    /// Rule by which frictions combine. Default: the mean of both surfaces' for a friction above 0.
+    /// Rule by which the friction coefficients of two surfaces combine. Default: the mean if the friction is
+    /// above 0, otherwise the product.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub friction_combine: Option<FrictionCombine>,
-    /// Coefficient of torsional friction (m): the torque about the normal against spinning, per normal force.
+    /// Coefficient of torsional friction (m): maximum torque about the contact normal per normal force.
     /// Default 0.
     #[serde(default)]
     #[schemars(range(min = 0.0))]
     pub torsional_friction: f64,
-    /// Coefficient of rolling friction (m): the torque against rolling, per normal force. Default 0.
+    /// Coefficient of rolling friction (m): maximum torque against rolling per normal force. Default 0.
     #[serde(default)]
     #[schemars(range(min = 0.0))]
     pub rolling_friction: f64,
@@ -190,8 +192,8 @@ impl Terrain {
         Ok(cells)
     }
 
-    /// Returns the height field of the terrain, which depends only on the description and the image files.
-    /// Reads these files.
+    /// Returns the height field of the terrain. It depends only on the description and the image files, which
+    /// this reads.
     ///
     /// # Errors
     /// [`TerrainError`].
