@@ -77,7 +77,7 @@ pub enum WorldError {
     },
     /// A connection joins immovable objects.
     #[error(
-        "`connections`: \"{first}\" and \"{second}\" do not move relative to one another: there is nothing to connect"
+        "`connections`: \"{first}\" and \"{second}\" do not move relative to each other, so there is nothing to connect"
     )]
     RigidConnection {
         /// First part.
