@@ -106,7 +106,8 @@ struct Motion {
 }
 
 impl Loads {
-    /// Creates the loads of a robot under the gravitational acceleration `gravity` \[m/s2\] in the world.
+    /// Creates the computation for a robot under the gravitational acceleration `gravity` \[m/s2\] in the
+    /// world.
     pub fn new(model: &Model, gravity: Vector3<f64>) -> Self {
         let links = model.frames().iter().map(|frame| Link {
             parent: frame.parent,

@@ -45,7 +45,8 @@ pub struct RangeModel {
 }
 
 impl RangeModel {
-    /// Creates the errors of a sensor with this number of rays. They are sampled from a seed.
+    /// Creates the error model of a sensor with this number of rays. Biases, scale errors and noise are
+    /// sampled from the seed.
     ///
     /// # Errors
     /// [`SettingError`] if a number is out of range.

@@ -107,7 +107,7 @@ impl World {
     ///
     /// # Errors
     ///
-    /// [`WorldError::File`].
+    /// [`WorldError::File`] if the file cannot be read as a world.
     pub fn locate(&mut self, folder: &Path) -> Result<Vec<ModelWarning>, WorldError> {
         if let Some(terrain) = &mut self.terrain {
             terrain.locate(folder);
@@ -128,7 +128,7 @@ impl World {
     ///
     /// # Errors
     ///
-    /// [`TerrainError`].
+    /// [`TerrainError`] if a value is out of range or an image cannot be read.
     pub fn height_field(&self) -> Result<Option<HeightField>, TerrainError> {
         self.terrain.as_ref().map(Terrain::height_field).transpose()
     }

@@ -150,9 +150,9 @@ pub struct NetworkSettings {
     pub times: Vec<f64>,
     /// Order of the inputs.
     pub input_order: InputOrder,
-    /// Scale of position errors at the input \[1/rad or 1/m\].
+    /// Factor that multiplies position errors at the input \[1/rad or 1/m\].
     pub position_scale: f64,
-    /// Scale of velocities at the input \[s/rad or s/m\].
+    /// Factor that multiplies velocities at the input \[s/rad or s/m\].
     pub velocity_scale: f64,
     /// Effort that corresponds to an output of one \[Nm or N\].
     pub effort_scale: f64,

@@ -111,10 +111,10 @@ pub struct NetworkTable<T> {
     /// Order of the inputs. Default: all position errors before all velocities.
     #[serde(default)]
     pub input_order: InputOrder,
-    /// Scale of position errors at the input. Default 1.
+    /// Factor that multiplies position errors at the input. Default 1.
     #[serde(default = "one")]
     pub position_scale: f64,
-    /// Scale of velocities at the input. Default 1.
+    /// Factor that multiplies velocities at the input. Default 1.
     #[serde(default = "one")]
     pub velocity_scale: f64,
     /// Effort that corresponds to an output of one, N m or N. Default 1.

@@ -54,7 +54,7 @@ pub enum MeshProblem {
         expected: usize,
     },
     /// A token is not a number.
-    #[error("\"{0}\" is not the number expected there")]
+    #[error("found \"{0}\", expected a number")]
     Number(String),
     /// A face refers to a corner that does not exist.
     #[error("a face names corner {index}, {}", corners(*.first, *.count))]

@@ -74,7 +74,7 @@ pub enum ProfileError {
         expected: &'static str,
     },
     /// A foot is specified both as a ball and as flat.
-    #[error("foot \"{0}\" has both a `radius` and a `sole`; a foot is a ball or flat")]
+    #[error("foot \"{0}\" has both a `radius` and a `sole`; remove one of them")]
     TwoSoles(String),
     /// A mobile base lacks a required key.
     #[error("the mobile base is {drive}, which requires `{key}`")]

@@ -192,7 +192,7 @@ fn set_actuators(
     Ok(())
 }
 
-/// An engine with a component kind in graphs.
+/// A physics engine that is available as a component kind.
 pub trait PhysicsEngine: Engine + Send + 'static {
     /// Name of the kind.
     const KIND: &'static str;

@@ -34,7 +34,7 @@ pub enum TerrainError {
         problem: String,
     },
     /// The grid has too many heights.
-    #[error("{found:.3e} heights, expected at most {most:.0e}; raise `spacing` or lower `size`")]
+    #[error("a grid of {found:.3e} heights, expected at most {most:.0e}; raise `spacing` or lower `size`")]
     Fine {
         /// Requested number of heights.
         found: f64,

@@ -114,7 +114,7 @@ fn default_friction() -> f64 {
 }
 
 impl Terrain {
-    /// Resolves relative paths of its images from a folder.
+    /// Resolves relative paths of image files from a folder.
     pub fn locate(&mut self, folder: &Path) {
         for layer in &mut self.layers {
             if let TerrainLayer::Image { file, .. } = layer {
@@ -192,11 +192,11 @@ impl Terrain {
         Ok(cells)
     }
 
-    /// Returns the height field of the terrain. It depends only on the description and the image files, which
-    /// this reads.
+    /// Returns the height field of the terrain. This reads the image files of the layers; apart from them,
+    /// the result depends only on the description.
     ///
     /// # Errors
-    /// [`TerrainError`].
+    /// [`TerrainError`] if a value is out of range or an image cannot be read.
     pub fn height_field(&self) -> Result<HeightField, TerrainError> {
         let cells = self.cells()?;
         let count = cells.map(|cells| cells as usize + 1);

@@ -75,9 +75,9 @@ pub enum MeshCollision {
 /// A loaded mesh with its collision parts and mass properties.
 #[derive(Debug)]
 pub struct MeshBody {
-    /// The mesh.
+    /// Mesh of the file, scaled, with coincident corners merged and triangles facing outward.
     pub mesh: TriangleMesh,
-    /// The drawn mesh.
+    /// Triangles of the drawn mesh, which rays of sensors also hit.
     pub visual: Arc<TriangleSurface>,
     /// Convex collision parts; empty for triangle collision.
     pub parts: Vec<Arc<TriangleMesh>>,

@@ -43,9 +43,11 @@ pub struct PoseScore {
     pub goals_reached: u64,
     /// Number of missed goals: the frame was outside the tolerances when the target moved on.
     pub goals_missed: u64,
-    /// Maximum distance from a goal when the target moved on, m; `None` without goals.
+    /// Maximum position error of the goals, m; `None` without goals. The error is measured when the target
+    /// moves on.
     pub position_error_m: Option<f64>,
-    /// Maximum angle from a goal when the target moved on, rad; `None` without goals.
+    /// Maximum orientation error of the goals, rad; `None` without goals. The error is measured when the
+    /// target moves on.
     pub orientation_error_rad: Option<f64>,
     /// Root mean square distance of the frame from the target over the whole recording, m.
     pub path_position_rms_m: f64,

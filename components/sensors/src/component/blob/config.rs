@@ -37,7 +37,7 @@ pub struct BlobConfig {
     /// the object is at `distance`.
     #[serde(default)]
     pub radius: Option<f64>,
-    /// Distance to an object of unknown size (m). Default 1.
+    /// Assumed distance to the object if `radius` is not set (m). Default 1.
     #[serde(default = "distance")]
     pub distance: f64,
     /// Smoothing of position and velocity, from 0 (none) to below 1. Default 0.5.
