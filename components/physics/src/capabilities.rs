@@ -20,7 +20,8 @@ pub struct Capabilities {
     /// Collision with the triangles of [meshes](motorium_worlds::MeshCollision) of objects. Every engine
     /// supports collision with their convex parts.
     pub triangles: bool,
-    /// Changes of physical [properties](crate::Properties) [during motion](crate::Simulation::change).
+    /// Changes of physical [properties](crate::Properties) during motion, by
+    /// [`Simulation::change`](crate::Simulation::change).
     pub changes: bool,
     /// Choice of the [integration method](crate::Integrator).
     pub integrators: bool,

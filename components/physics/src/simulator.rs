@@ -71,7 +71,7 @@ impl core::fmt::Debug for SavedState {
 )]
 pub struct ForeignState;
 
-/// Counts of a step: joints at their limits, and contacts.
+/// Counts of limits and contacts in a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct StepReport {
     /// Number of joints whose effort was clamped at the limit.

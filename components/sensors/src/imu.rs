@@ -58,7 +58,7 @@ pub struct ImuModel {
 }
 
 impl ImuModel {
-    /// Creates a unit under the gravitational acceleration `gravity` \[m/s2\] in the world.
+    /// Creates a model under the gravitational acceleration `gravity` \[m/s2\] in the world.
     ///
     /// # Errors
     /// [`SettingError`] if a setting of `gyroscope` or `accelerometer` is invalid.

@@ -25,7 +25,7 @@ impl WorldWrench {
 /// An external force on a link.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OutsideForce {
-    /// The link, by its index among the frames of the model.
+    /// Index of the link among the frames of the model.
     pub link: usize,
     /// Point of application in the world \[m\].
     pub point: Point3<f64>,
@@ -36,7 +36,7 @@ pub struct OutsideForce {
 /// An external wrench on a link.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OutsideWrench {
-    /// The link, by its index among the frames of the model.
+    /// Index of the link among the frames of the model.
     pub link: usize,
     /// Wrench on the link.
     pub wrench: WorldWrench,
@@ -48,7 +48,7 @@ impl From<OutsideForce> for OutsideWrench {
     }
 }
 
-/// Wrenches between the links of a robot, averaged between two samples of its motion.
+/// Computes the wrenches between the links of a robot, averaged between two samples of its motion.
 ///
 /// A link and everything it carries have the total momentum `P`, the angular momentum `L` about the world
 /// origin, the mass `m` and the centre of mass `c`. Between two samples at `t` and `t + dt`, the joint that
@@ -144,7 +144,7 @@ impl Loads {
         self.sample_wrenches(time_ns, model, kinematics, outside.into_iter().map(OutsideWrench::from))
     }
 
-    /// Like [`sample`](Self::sample), with mean external wrenches.
+    /// Like [`sample`](Self::sample), but with mean external wrenches instead of forces.
     pub fn sample_wrenches(
         &mut self,
         time_ns: u64,

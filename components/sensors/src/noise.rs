@@ -17,7 +17,7 @@ pub struct Noise {
 }
 
 impl Noise {
-    /// Creates the noise of channel `channel` of a seed.
+    /// Creates the generator of channel `channel` of a seed.
     pub fn new(seed: u64, channel: u64) -> Self {
         // the seed selects a generator of seeds, which seeds the channel: streams of one state are correlated
         let mut seeds = Pcg64::seed_from_u64(seed);

@@ -60,7 +60,8 @@ impl Pinhole {
         Vector3::new(1.0, -right, -down)
     }
 
-    /// Returns the directions of the pixel centres, row by row from the top left corner.
+    /// Returns the unit vectors through the pixel centres in camera axes, row by row from the top left
+    /// corner.
     pub fn directions(&self) -> impl Iterator<Item = Unit<Vector3<f64>>> {
         let camera = *self;
         (0..self.height).flat_map(move |row| {

@@ -45,7 +45,7 @@ pub struct Appearance {
 pub struct Checker {
     /// Side length of a square (m).
     pub side: f64,
-    /// The second colour: red, green and blue, 0 to 1.
+    /// Colour of every second square: red, green and blue, 0 to 1.
     pub colour: Colour,
 }
 

@@ -61,7 +61,7 @@ impl<T: Copy> Delay<T> {
         arrived.last().map_or(self.idle, |(_, command)| *command)
     }
 
-    /// Sends `newest` now and advances by `dt` \[s\].
+    /// Sends the command `newest` now, then advances the time by `dt` \[s\].
     pub fn advance(&mut self, newest: T, dt: f64) {
         if self.delay_ns == 0 {
             return;

@@ -274,7 +274,7 @@ impl Actuator {
         EffortLaw { share, carried, low, high }
     }
 
-    /// Applies the effort \[Nm or N\] of a step of `h` \[s\].
+    /// Advances the actuator by a step of `h` \[s\] in which it delivers an effort \[Nm or N\].
     pub fn apply(&mut self, effort: f64, h: f64) {
         self.effort = effort;
         if let Some(Thermal { continuous_effort, time_constant }) = self.thermal {

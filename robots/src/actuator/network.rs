@@ -35,7 +35,7 @@ impl From<Activation> for Unary {
     }
 }
 
-/// Order of a network's inputs.
+/// Order of the inputs of an actuator network.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum InputOrder {
@@ -154,7 +154,7 @@ pub struct NetworkSettings {
     pub position_scale: f64,
     /// Factor that multiplies velocities at the input \[s/rad or s/m\].
     pub velocity_scale: f64,
-    /// Effort that corresponds to an output of one \[Nm or N\].
+    /// Effort at the motor for an output of one \[Nm or N\].
     pub effort_scale: f64,
 }
 

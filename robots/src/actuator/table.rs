@@ -74,8 +74,8 @@ pub struct ThermalTable<T> {
     pub time_constant: T,
 }
 
-/// A motor with its own inertia, and the spring, damper and gap between motor and joint. All values are at
-/// the joint. The drive closes its loops on the motor.
+/// Compliant drivetrain: a motor with its own inertia, and the spring, damper and gap between motor and
+/// joint. All values are at the joint. The drive closes its loops on the motor.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(rename = "DrivetrainConfig")]
@@ -117,7 +117,7 @@ pub struct NetworkTable<T> {
     /// Factor that multiplies velocities at the input. Default 1.
     #[serde(default = "one")]
     pub velocity_scale: f64,
-    /// Effort that corresponds to an output of one, N m or N. Default 1.
+    /// Effort for an output of one, N m or N. Default 1.
     #[serde(default = "one")]
     pub effort_scale: f64,
 }

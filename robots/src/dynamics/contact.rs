@@ -43,9 +43,9 @@ pub struct ConstrainedDynamics {
 /// A constraint `jacobian * a + drift = 0` on the acceleration `a`.
 #[derive(Clone, Copy, Debug)]
 pub struct Constraint<'a> {
-    /// One row per constrained direction, nv columns.
+    /// Jacobian of the constraint: one row per constrained direction, nv columns.
     pub jacobian: &'a DMatrix<f64>,
-    /// `Jdot v`, plus any drift correction. One entry per row.
+    /// Drift `Jdot v`, plus any drift correction. One entry per row.
     pub drift: &'a [f64],
     /// Compliance added to the diagonal \[1/kg\]; 0 for a rigid constraint, which must then not be redundant.
     pub damping: f64,

@@ -34,7 +34,7 @@ impl MassFactor {
         Self { above: model.flat().above.clone(), factor: DMatrix::identity(n, n), scales: vec![1.0; n] }
     }
 
-    /// Factorises `mass`. Only its upper triangle is read.
+    /// Factorises the mass matrix `mass`. Only its upper triangle is read.
     ///
     /// # Errors
     ///
@@ -142,8 +142,8 @@ impl MassFactor {
         }
     }
 
-    /// Computes the other half, `x = L^-1 D^-1/2 y`, in place, so that `x = M^-1 b` for the `y` of
-    /// [`half_solve`](Self::half_solve).
+    /// Computes the second half of the solution, `x = L^-1 D^-1/2 y`, in place. With the `y` of
+    /// [`half_solve`](Self::half_solve), `x = M^-1 b`.
     pub fn finish_solve(&self, x: &mut [f64]) {
         let n = self.above.len();
         assert_eq!(x.len(), n, "length of the right-hand side");

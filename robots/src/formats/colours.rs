@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-/// Red, green and blue, 0 to 1 each.
+/// Colour: red, green and blue, 0 to 1 each.
 pub type Colour = [f64; 3];
 
 /// Colours of links without a colour in the file: the base, then alternating links.

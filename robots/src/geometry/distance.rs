@@ -29,8 +29,8 @@ pub struct Proximity {
     pub is_bound: bool,
 }
 
-/// Workspace for the distances of one [`CollisionModel`]. Only [`new`](Self::new) allocates, except for pairs
-/// with a [`MeshMode::Surface`](super::MeshMode).
+/// Workspace for the distances between the solids of one [`CollisionModel`]. Only [`new`](Self::new)
+/// allocates, except for pairs with a [`MeshMode::Surface`](super::MeshMode).
 pub struct Collisions {
     pub(super) rotations: Vec<M3>,
     pub(super) positions: Vec<V3>,
@@ -146,7 +146,7 @@ impl Collisions {
         &self.near
     }
 
-    /// Returns the result of the last [`within`](Self::within).
+    /// Returns the pairs found by the last call of [`within`](Self::within).
     pub fn found(&self) -> &[Proximity] {
         &self.near
     }

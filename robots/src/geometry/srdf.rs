@@ -11,7 +11,8 @@ pub struct Srdf {
     pub disabled: Vec<(String, String)>,
     /// `<enable_collisions link1 link2>`: overrides all rules that disable checks of the pair.
     pub enabled: Vec<(String, String)>,
-    /// `<disable_default_collisions link>`: the link is checked only against links listed in `enabled`.
+    /// `<disable_default_collisions link>`: the link is checked only against links paired with it in
+    /// `enabled`.
     pub disabled_links: Vec<String>,
 }
 

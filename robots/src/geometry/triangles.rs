@@ -221,7 +221,7 @@ impl TriangleSurface {
 }
 
 impl SurfaceTriangle {
-    /// Returns the point of the triangle nearest to `point` \[m\].
+    /// Returns the point of the triangle that is nearest to `point` \[m\].
     pub fn nearest(&self, point: &Point3<f64>) -> Point3<f64> {
         let corners = self.corners.map(|corner| V3::from(corner.coords));
         Point3::from(Vector3::from(nearest_on_triangle(point.coords.into(), corners)))

@@ -46,7 +46,7 @@ pub struct IkSolution {
     pub rotation_error: f64,
     /// Index of the successful initial guess, from 0.
     pub seed: usize,
-    /// Number of iterations from that guess.
+    /// Number of iterations from the successful guess.
     pub iterations: usize,
 }
 

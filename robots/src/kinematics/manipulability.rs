@@ -17,7 +17,7 @@ impl TaskRows {
     pub const POSITION: Self = Self([true, true, true, false, false, false]);
     /// Angular velocity of the frame.
     pub const ORIENTATION: Self = Self([false, false, false, true, true, true]);
-    /// All six directions. Metres and radians then have equal weights.
+    /// All six motions. Metres and radians then have equal weights.
     pub const POSE: Self = Self([true; 6]);
 }
 

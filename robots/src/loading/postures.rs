@@ -16,7 +16,7 @@ const LONGEST: u64 = 16 * 1024 * 1024;
 /// model does not have, such as grippers of other variants, are ignored.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Posture {
-    /// Name of the state; `GROUP/NAME` if an earlier state has the same name.
+    /// Name of the state, or `GROUP/NAME` if an earlier state has the same name.
     pub name: String,
     /// Pose of the base in the world; `None` if the state has no `root_joint`.
     pub base: Option<Isometry3<f64>>,

@@ -31,7 +31,7 @@ pub struct RobotSource<'a> {
     pub pose: Option<BasePose>,
     /// Path of the profile that the graph specifies; `None` for the robot's own profile.
     pub profile: Option<&'a Path>,
-    /// Folders searched for packages before all others.
+    /// Folders searched for packages before the other folders.
     pub packages: &'a [PathBuf],
     /// Settings of the graph: the keys `mjcf` (true if the graph specifies the file as MJCF), `joints`,
     /// `fixed`, `frame`, `start` and `gains`. The last three override the profile.

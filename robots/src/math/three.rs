@@ -169,7 +169,7 @@ impl M3 {
         Self { x: self.x * cos + self.y * sin, y: self.y * cos - self.x * sin, z: self.z }
     }
 
-    /// Returns the sum of the diagonal.
+    /// Returns the trace: the sum of the diagonal.
     #[inline(always)]
     pub fn trace(&self) -> f64 {
         self.x.x + self.y.y + self.z.z

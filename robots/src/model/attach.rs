@@ -13,7 +13,7 @@ pub struct Placed<'a> {
     pub model: &'a Model,
     /// Prefix of the names of its links and joints in the world, such as `left/`.
     pub prefix: &'a str,
-    /// Pose of its root frame in the world.
+    /// Pose of the robot's root frame in the world.
     pub placement: Isometry3<f64>,
 }
 
@@ -156,8 +156,8 @@ impl Model {
         self.attached(frame, &payload, &Isometry3::identity(), "")
     }
 
-    /// Combines several robots in one world into one model; `q` and `v` are concatenated. The first frame is
-    /// `world`.
+    /// Combines several robots in one world into one model. `q` and `v` are the robots' vectors, concatenated
+    /// in order. The first frame is `world`.
     ///
     /// # Errors
     ///

@@ -34,7 +34,7 @@ pub struct Frame {
     pub inertia: Inertia,
 }
 
-/// No link has this name.
+/// The robot has no link with this name.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("robot \"{robot}\" has no link \"{name}\"{}", suggestion(.nearest.as_deref()))]
 pub struct UnknownFrame {

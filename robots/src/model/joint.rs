@@ -54,7 +54,8 @@ pub struct JointDynamics {
 /// dynamics.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Drive {
-    /// Motor revolutions per joint revolution, or motor radians per metre of a prismatic joint.
+    /// Gear reduction: motor revolutions per joint revolution, or motor radians per metre of a prismatic
+    /// joint.
     pub reduction: f64,
     /// Inertia of the motor's rotor about its axis \[kg m2\].
     pub rotor_inertia: f64,

@@ -35,7 +35,7 @@ pub struct Profile {
     /// Names of the joints without a drive.
     #[serde(default)]
     pub passive: Vec<String>,
-    /// Named configurations of the joints \[rad or m\].
+    /// Named poses of the joints \[rad or m\].
     pub poses: BTreeMap<String, PerJoint>,
     /// Poses of a floating base in the world, by the name of the corresponding entry of `poses`.
     #[serde(default)]

@@ -35,7 +35,7 @@ impl Channel {
         }
     }
 
-    /// Returns `true` if no message may be skipped: exact channels and log lines.
+    /// Returns `true` if every sample must be encoded. This applies to exact channels and log lines.
     pub fn needs_every_sample(&self) -> bool {
         match &self.content {
             Content::Exact(_) => true,

@@ -128,7 +128,8 @@ impl Drawing {
         &self.schema
     }
 
-    /// Returns `true` if no sample may be skipped: log lines, and images, which have no exact channel.
+    /// Returns `true` if every sample must be encoded. This applies to log lines, and to images, which have
+    /// no exact channel.
     pub fn needs_every_sample(&self) -> bool {
         matches!(self.kind, Kind::Pictures(_) | Kind::Text(_) | Kind::Event(_))
     }

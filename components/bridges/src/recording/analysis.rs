@@ -36,7 +36,7 @@ pub struct TopicAnalysis {
     pub latency_ns: Vec<u64>,
     /// Times between consecutive publications, ns, ascending.
     pub interval_ns: Vec<u64>,
-    /// Latencies \[ns\] over the time since the first sample \[s\].
+    /// Latency \[ns\] over the time since the first sample \[s\].
     pub latencies: Envelope,
 }
 

@@ -34,10 +34,10 @@ pub struct ReplayConfig {
     /// Index of the only episode to replay, from 0. Default: all episodes, in order.
     #[serde(default)]
     pub episode: Option<u64>,
-    /// Delay before the start of the recording. Default 0.
+    /// Delay of the first recorded sample after the start. Default 0.
     #[serde(default)]
     pub lead: TimeSpan,
-    /// Time after the end of the recording. Default 0.
+    /// Time between the end of the recording and the end of the replay. Default 0.
     #[serde(default)]
     pub ramp_down: TimeSpan,
     /// Ports of joint commands that are extended: they move a robot to the start pose within `lead` and bring

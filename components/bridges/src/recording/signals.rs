@@ -272,7 +272,7 @@ impl Envelope {
         Self { begin, rate, stretches }
     }
 
-    /// Adds a value; times may be in any order.
+    /// Adds a value at a time, s. Times may be in any order.
     pub fn take(&mut self, time: f64, value: f64) {
         // The conversion clamps negative numbers to 0.
         let index = ((time - self.begin) * self.rate) as usize;

@@ -39,7 +39,7 @@ pub struct PhysicsConfig {
     pub base: Option<BaseStart>,
     /// Initial states of several robots, by robot name. Default: `pose`, or the home pose of each robot.
     pub start: BTreeMap<String, RobotStart>,
-    /// Gravity, ground and objects around the robot, for a graph without a `[world]`.
+    /// Gravity, ground and objects of the world, for a graph without a `[world]`.
     pub world: World,
     /// External forces and torques at specified times.
     pub pushes: Vec<PushConfig>,

@@ -130,13 +130,13 @@ impl ActuatorIntervals {
     }
 }
 
-/// Ranges of a displacement in the world.
+/// Ranges of a displacement in the world, in addition to the initial pose.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct PlaceIntervals {
-    /// Along x of the world, m.
+    /// Displacement along x of the world, m.
     pub x: Option<Interval>,
-    /// Along y of the world, m.
+    /// Displacement along y of the world, m.
     pub y: Option<Interval>,
     /// Along z of the world, m. For a base without a configured position, this is its height above the
     /// ground.

@@ -81,7 +81,7 @@ pub enum Property {
 pub struct Quantity {
     /// Sampled property.
     pub property: Property,
-    /// Index of the body, joint or object in its robot or world; 0 for properties of a whole robot or world.
+    /// Index of the body, joint or object in its robot or world; 0 for a property of a whole robot or world.
     pub part: usize,
     /// Keys in the `randomise` table, followed by the name of the part, such as `mass`, `link`.
     pub path: Vec<String>,

@@ -263,7 +263,7 @@ fn check_reports_that_a_follower_is_not_an_actuator() {
     let checked = twin("physics.articulated", "").with(waving(u64::MAX)).check().unwrap();
     let twin = component(&checked, "twin");
     assert!(!twin.actuator);
-    assert!(matches!(&twin.notes[..], [note] if note.contains("no actuator")), "{:?}", twin.notes);
+    assert!(matches!(&twin.notes[..], [note] if note.contains("without actuator")), "{:?}", twin.notes);
     let checked = live_and_twin("physics.articulated").check().unwrap();
     let live = component(&checked, "live");
     assert!(live.actuator && live.notes.is_empty(), "{:?}", live.notes);

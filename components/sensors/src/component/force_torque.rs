@@ -100,7 +100,7 @@ impl ForceTorqueConfig {
     }
 }
 
-/// A component that publishes the readings of a force-torque sensor within a robot.
+/// A component that publishes the readings of a force-torque sensor between two links of a robot.
 ///
 /// A reading is the wrench that the robot exerts through the sensor on everything it carries, averaged since
 /// the last sample. At rest this is the carried weight, upwards. The wrench is expressed in the sensor's axes

@@ -48,7 +48,7 @@ pub struct StateTimes {
 /// One reading of all sensors, in the order of the joints.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reading<'a> {
-    /// Time of the sampling, ns.
+    /// Time at which the state was sampled, ns.
     pub sampled_at: u64,
     /// Source time of the sampled state, as passed to [`sample_state`](EncoderModel::sample_state), ns.
     pub source: u64,

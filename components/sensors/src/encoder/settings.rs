@@ -45,7 +45,7 @@ pub struct Differentiation {
     pub cutoff_hz: f64,
 }
 
-/// The joint sensors of a robot: settings of [`EncoderModel`](super::EncoderModel) and configuration of
+/// Settings of a robot's joint sensors, for [`EncoderModel`](super::EncoderModel) and as the configuration of
 /// `sensor.joint_encoder`. The default is an ideal sensor.
 ///
 /// ```toml
@@ -125,7 +125,7 @@ pub enum SettingsError {
 }
 
 impl SettingsError {
-    /// Name of the invalid setting.
+    /// Returns the name of the invalid setting.
     pub fn setting(&self) -> &str {
         match self {
             Self::Count { name, .. } | Self::OutOfRange { name, .. } => name,

@@ -5,7 +5,7 @@
 pub struct Slope {
     /// Velocity, in the unit of the position per second.
     pub velocity: f64,
-    /// Delay of the velocity \[s\]: a signal of constant acceleration had this velocity `delay` before the
+    /// Delay of the velocity \[s\]. A signal of constant acceleration had this velocity at `delay` before the
     /// last sample.
     pub delay: f64,
     /// Standard deviation of the velocity per standard deviation of the positions, for independent errors

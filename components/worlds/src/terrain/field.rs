@@ -6,7 +6,7 @@ use nalgebra::{Point3, Vector3};
 /// Number of cells along a side of a block; the highest point of each block is stored.
 pub(super) const BLOCK: i64 = 8;
 
-/// A surface of two triangles per cell over a grid of heights, solid below.
+/// Ground as a grid of heights, with two triangles per cell. It is solid below.
 ///
 /// Beyond the grid, the height continues as at the nearest edge. Each cell is split along the diagonal from
 /// its corner with the smallest x and y.
@@ -97,7 +97,7 @@ impl HeightField {
         (self.low, self.high)
     }
 
-    /// Returns the corner of smallest x and y \[m\], and the number of heights along x and y.
+    /// Returns the corner with the smallest x and y \[m\], and the number of heights along x and y.
     pub fn grid(&self) -> ([f64; 2], [usize; 2]) {
         (self.origin, self.count)
     }
@@ -179,7 +179,7 @@ impl HeightField {
         highest
     }
 
-    /// Calls `visit` with the triangles that have a point within `reach` \[m\] of `point`.
+    /// Calls `visit` with every triangle that has a point within `reach` \[m\] of `point`.
     pub fn visit_near(&self, point: &Point3<f64>, reach: f64, visit: &mut dyn FnMut(NearTriangle)) {
         let (x, y) = self.in_cells(point.x, point.y);
         let wide = reach / self.spacing;

@@ -28,7 +28,7 @@ const FARTHEST: f64 = 1e6;
 /// Width of the band around the level area over which the terrain rises to its height \[m\].
 const BAND: f64 = 0.3;
 
-/// Uneven ground instead of a plane: the sum of its layers, above z = 0.
+/// Uneven ground instead of a plane. Its height is the sum of its layers, relative to z = 0.
 ///
 /// Beyond its size, the height continues as at the nearest edge.
 ///
@@ -54,9 +54,9 @@ const BAND: f64 = 0.3;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Terrain {
-    /// Length along x and y (m).
+    /// Length of the terrain along x and y (m).
     pub size: [f64; 2],
-    /// Centre along x and y (m). Default: the origin.
+    /// Centre of the terrain along x and y (m). Default: the origin.
     #[serde(default)]
     pub centre: [f64; 2],
     /// Distance between adjacent heights (m). Default 0.05. Steeper features, such as the front of a step,
@@ -66,7 +66,7 @@ pub struct Terrain {
     /// Radius of the level area at z = 0 around the origin of the world (m). Default 0.
     #[serde(default)]
     pub flat: f64,
-    /// Seed of random layers. Default 0.
+    /// Seed of the random features of layers. Default 0.
     #[serde(default)]
     pub seed: u64,
     /// Scales all heights. Default 1.
@@ -97,7 +97,7 @@ pub struct Terrain {
     /// Softness: contact points yield like a spring and a damper. Default: the surface is rigid.
     #[serde(default)]
     pub soft: Option<Softness>,
-    /// The layers, whose heights are added.
+    /// Layers of the terrain, whose heights are added.
     pub layers: Vec<TerrainLayer>,
 }
 

@@ -6,7 +6,7 @@ use motorium_robots::{MeshError, MjcfError, Position, UrdfError, suggestion};
 
 use crate::TerrainError;
 
-/// A mistake in a world description.
+/// The description of a world has an error.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum WorldError {
     /// A number is out of range.

@@ -41,13 +41,13 @@ pub struct MeshShape {
     /// File of the mesh: `.stl`, `.obj` or `.dae`. Relative paths start at the graph's folder.
     #[schemars(extend("format" = "path"))]
     pub file: PathBuf,
-    /// Scale along x, y and z, not 0; a negative value mirrors the mesh. Default 1: the file is in metres.
+    /// Scale along x, y and z, not 0. A negative value mirrors the mesh. Default 1, for a file in metres.
     #[serde(default = "unscaled")]
     pub scale: [f64; 3],
     /// Collision shape. Default: the convex hull.
     #[serde(default)]
     pub collision: MeshCollision,
-    /// Another file for drawing, with the same scale. Default: the same file.
+    /// Another mesh file for drawing, with the same scale. Default: `file`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("format" = "path"))]
     pub visual: Option<PathBuf>,

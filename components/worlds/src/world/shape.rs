@@ -61,7 +61,7 @@ pub struct ObjectMass {
     pub moments: Vector3<f64>,
 }
 
-/// A part of an object with several shapes.
+/// One shape of a compound object, at a pose in the object.
 ///
 /// ```
 /// use motorium_worlds::Object;
@@ -82,12 +82,13 @@ pub struct ObjectMass {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CompoundPart {
-    /// Shape; neither a compound nor a triangle-collision mesh.
+    /// Shape of the part; neither a compound nor a mesh with triangle collision.
     pub shape: ObjectShape,
     /// Position of the part's origin in the axes of the object (m).
     #[serde(default)]
     pub position: [f64; 3],
-    /// Roll, pitch, yaw about the fixed axes x, y, z of the object, in this order (rad).
+    /// Orientation in the object: roll, pitch, yaw about the object's fixed axes x, y, z, in this order
+    /// (rad).
     #[serde(default)]
     pub rpy: [f64; 3],
     /// Mass (kg); either all parts have one, or none. If the object has a `mass`, these values are relative

@@ -258,7 +258,7 @@ fn fixed_meshes_of_sdf_and_urdf_touch_by_their_triangles() {
     assert_eq!(read("w.sdf", &sdf("convex.obj", true)), (MeshCollision::Hull, vec![]));
     assert_eq!(read("w.sdf", &sdf("convex.obj", false)), (MeshCollision::Hull, vec![]));
     for (mesh, fixed, reason) in
-        [("concave.obj", false, "an object that moves"), ("twisted.obj", true, "face both sides")]
+        [("concave.obj", false, "a moving object"), ("twisted.obj", true, "face both sides")]
     {
         let (collision, warnings) = read("w.sdf", &sdf(mesh, fixed));
         assert_eq!(collision, MeshCollision::Hull);

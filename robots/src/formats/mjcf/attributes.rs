@@ -264,7 +264,7 @@ impl<'a, 'i> Element<'_, 'a, 'i> {
         self.attributes.ignored(node, format!("{name} of <{element}>"), reason);
     }
 
-    /// Warns that an attribute is ignored.
+    /// Adds a warning that an attribute is ignored.
     pub fn ignore(&self, name: &str, reason: &'static str) {
         let node = self.explicit(name).map_or(self.node, |given| given.node);
         self.ignored(node, name, reason);

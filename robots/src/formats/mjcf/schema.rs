@@ -17,7 +17,7 @@ pub(crate) enum Use {
     Refused(&'static str),
 }
 
-/// Attributes of an element, grouped by their treatment.
+/// Classification of the attributes of an element, grouped by their treatment.
 pub struct Schema {
     /// Element of `<default>` that provides its defaults, if any.
     pub(crate) kind: &'static str,

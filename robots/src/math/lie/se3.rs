@@ -25,8 +25,8 @@ pub fn log(motion: &Isometry3<f64>) -> Vector6<f64> {
     stack(&rho, &phi)
 }
 
-/// Returns the derivative of [`log`]: `d/dt log(M) = log_jacobian(M) * twist`, where `twist` is the body
-/// velocity of `M`, `M^-1 dM/dt`. It is the inverse of the right Jacobian at `log(M)`.
+/// Returns the derivative of [`log`], such that `d/dt log(M) = log_jacobian(M) * twist`. Here `twist` is the
+/// body velocity of `M`, `M^-1 dM/dt`. The result is the inverse of the right Jacobian at `log(M)`.
 pub fn log_jacobian(motion: &Isometry3<f64>) -> Matrix6<f64> {
     right_jacobian_inverse(&log(motion))
 }

@@ -13,7 +13,7 @@ use crate::foxglove::{load_in_world, robot_of_topic};
 pub struct JointsScore {
     /// Topic of the joint states.
     pub state: String,
-    /// Topic of the commands that the joints follow, if an actuator published the state.
+    /// Topic of the commands that the joints follow; `None` if the state was not published by an actuator.
     pub command: Option<String>,
     /// Scores of the joints, in the order of the robot model.
     pub joints: Vec<JointScore>,

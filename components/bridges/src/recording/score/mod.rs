@@ -60,7 +60,7 @@ pub fn score(recording: &Recording, plan: &Plan, tolerance: Tolerance) -> Result
 }
 
 impl Analysis {
-    /// Computes the score of the analysed recording.
+    /// Computes the score of a recording from its analysis.
     ///
     /// # Errors
     /// Returns an error if a message is damaged.

@@ -19,7 +19,7 @@ use crate::estimation::{FilterNoise, StartDeviations};
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct BaseEstimatorConfig {
-    /// Mount of the inertial measurement unit on the robot's root link. Default: its origin.
+    /// Mount of the inertial measurement unit on the robot's root link. Default: the origin of the link.
     pub mount: Mount,
     /// Standard deviation of joint position readings (rad or m). Default 1e-3.
     #[schemars(range(min = 0.0))]

@@ -66,12 +66,12 @@ pub struct Origin {
     pub latitude: f64,
     /// Longitude (degrees, east positive).
     pub longitude: f64,
-    /// Height above the ellipsoid (m). Default 0.
+    /// Height above the WGS 84 ellipsoid (m). Default 0.
     #[serde(default)]
     pub altitude: f64,
 }
 
-/// `sensor.gps`: a receiver of satellite navigation.
+/// `sensor.gps`: a satellite navigation receiver.
 pub struct Gps {
     plane: TangentPlane,
     heading: nalgebra::UnitQuaternion<f64>,

@@ -69,9 +69,9 @@ impl RaysConfig for CameraConfig {
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Intrinsics {
-    /// Focal length along the rows (pixels).
+    /// Focal length in pixels along a row.
     pub fx: f64,
-    /// Focal length along the columns (pixels).
+    /// Focal length in pixels along a column.
     pub fy: f64,
     /// Column of the principal point (pixels); 0 is the middle of the left column.
     pub cx: f64,
@@ -134,7 +134,7 @@ pub struct Camera {
     picture: Vec<Colour>,
 }
 
-/// The outputs of a camera.
+/// Output ports of a camera.
 pub struct CameraOutputs {
     image: SliceOutput<u8>,
     info: Output<ImageInfo>,

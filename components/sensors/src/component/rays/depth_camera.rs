@@ -79,7 +79,7 @@ pub struct DepthCamera {
     most: f64,
 }
 
-/// The outputs of a depth camera.
+/// Output ports of a depth camera.
 pub struct DepthCameraOutputs {
     depth: SliceOutput<u8>,
     grey: SliceOutput<u8>,

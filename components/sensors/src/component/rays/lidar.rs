@@ -149,7 +149,7 @@ impl Fan {
 /// `sensor.lidar`: measures distances along many rays.
 pub struct Lidar(Fan);
 
-/// The outputs of a lidar.
+/// Output ports of a lidar.
 pub struct LidarOutputs {
     ranges: Output<Ranges>,
     points: SliceOutput<CloudPoint>,
