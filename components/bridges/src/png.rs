@@ -26,7 +26,8 @@ pub fn encode(width: usize, height: usize, pixels: &[u8]) -> Vec<u8> {
     file
 }
 
-/// Adds a text with an ASCII keyword to a PNG file. Returns `None` if the bytes are not a PNG file.
+/// Returns a PNG file with an added text under an ASCII keyword. Returns `None` if the bytes are not a PNG
+/// file.
 ///
 /// ```
 /// use motorium_bridges::png::{encode, text, with_text};

@@ -8,8 +8,8 @@ const ROUNDING: f64 = 1e-3;
 /// Returns the angle in radians that was probably intended if `angle` \[rad\] was written in degrees; `None`
 /// for a plausible angle.
 ///
-/// An angle of more than a full revolution is suspicious, unless it is a simple fraction of pi: a multiple of
-/// 45 degrees.
+/// An angle of more than a full revolution is suspicious, unless it is a multiple of pi/4 and not a whole
+/// number.
 ///
 /// ```
 /// use motorium_robots::suspected_degrees;

@@ -43,7 +43,7 @@ pub enum MeshProblem {
     #[error("has no triangles")]
     Empty,
     /// A coordinate of a corner is infinite or NaN.
-    #[error("a corner is not a finite number")]
+    #[error("a coordinate of a corner is not finite")]
     NotFinite,
     /// The file is truncated.
     #[error("ends after {found} bytes where its header states {expected}")]

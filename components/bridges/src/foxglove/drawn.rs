@@ -54,7 +54,7 @@ enum Kind {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum DrawnError {
     /// The sample is truncated, or longer than its type.
-    #[error("the sample has {0} bytes, which differs from the size of its type")]
+    #[error("the sample has {0} bytes, but its type has another size")]
     Size(usize),
     /// The joint state has fewer joints than the robot.
     #[error("the joint state has fewer joints than the robot")]

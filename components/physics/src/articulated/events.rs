@@ -1,6 +1,6 @@
 //! Joints at their limits.
 
-/// Number of joints at a limit at the end of an integration step.
+/// Numbers of joints at their limits at the end of an integration step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct JointEvents {
     /// Number of joints whose drive is at its effort limit.

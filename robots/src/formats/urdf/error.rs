@@ -137,7 +137,9 @@ pub enum UrdfProblem {
         nearest: Option<String>,
     },
     /// A link is the child of two joints.
-    #[error("link \"{link}\" is the child of two joints, \"{first}\" and \"{second}\"; a URDF is a tree")]
+    #[error(
+        "link \"{link}\" is the child of two joints, \"{first}\" and \"{second}\"; a URDF must be a tree"
+    )]
     TwoParents {
         /// Name of the link.
         link: String,
@@ -150,7 +152,7 @@ pub enum UrdfProblem {
     #[error("the robot has {} root links: {}; connect them with (fixed) joints", .0.len(), .0.join(", "))]
     SeveralRoots(Vec<String>),
     /// Links form a cycle; their names in order.
-    #[error("the links form a loop: {}; a URDF is a tree", .0.join(" -> "))]
+    #[error("the links form a loop: {}; a URDF must be a tree", .0.join(" -> "))]
     Loop(Vec<String>),
     /// The joint mimics an undefined joint.
     #[error("joint \"{joint}\" mimics \"{of}\", which does not exist{}", suggestion(.nearest.as_deref()))]

@@ -25,7 +25,7 @@ pub enum ModelWarning {
         principal: [f64; 3],
     },
     /// A link has a rotational inertia but no mass.
-    #[error("link \"{link}\": rotational inertia without mass")]
+    #[error("link \"{link}\": rotational inertia is set, but the mass is zero")]
     InertiaWithoutMass {
         /// Name of the link.
         link: String,
