@@ -64,9 +64,9 @@ pub struct Profile {
 struct LimitArrays {
     /// Velocity limit of each joint \[rad/s or m/s\], below the file's; `inf` keeps the file's limit.
     velocity: Option<PerJoint>,
-    /// Largest acceleration of each joint \[rad/s2 or m/s2\]; `inf` for no limit.
+    /// Maximum acceleration of each joint \[rad/s2 or m/s2\]; `inf` for no limit.
     acceleration: Option<PerJoint>,
-    /// Largest rate of change of each drive's effort \[Nm/s or N/s\]; `inf` for no limit.
+    /// Maximum rate of change of each drive's effort \[Nm/s or N/s\]; `inf` for no limit.
     effort_rate: Option<PerJoint>,
 }
 

@@ -28,11 +28,11 @@ pub struct Iceoryx2BridgeConfig {
     /// Inputs whose latest value is mirrored to other programs. Inputs may be states or streams of any type.
     /// Default: an empty list.
     pub out: Vec<String>,
-    /// Inputs whose streams are mirrored to other programs value by value, in order. Any type. Default: an
-    /// empty list.
+    /// Inputs whose streams, of any type, are mirrored to other programs value by value, in order. Default:
+    /// an empty list.
     pub out_streams: Vec<String>,
-    /// Inputs whose slices, such as images and clouds, are mirrored to other programs one by one, in order.
-    /// Any type. Default: an empty list.
+    /// Inputs whose slices, such as images and clouds of any type, are mirrored to other programs one by one,
+    /// in order. Default: an empty list.
     pub out_slices: Vec<String>,
     /// Outputs by name, each a topic that other programs publish. Default: an empty table.
     #[serde(rename = "in")]

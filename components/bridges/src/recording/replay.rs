@@ -46,7 +46,8 @@ pub struct ReplayConfig {
     pub eased: Vec<Eased>,
 }
 
-/// A port of joint commands that is extended before and after the recording.
+/// A port of joint commands to which an approach and a deceleration are added, before and after the
+/// recording.
 ///
 /// ```
 /// let eased = motorium_bridges::recording::Eased { port: "joint_command".into(), measured: "joint_state".into() };

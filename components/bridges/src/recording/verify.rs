@@ -105,7 +105,7 @@ pub enum VerifyError {
     )]
     Episodes,
     /// Messages that the recording declares are missing from it.
-    #[error("{missing} of its messages are missing, so it cannot be compared")]
+    #[error("it lacks {missing} of its messages, so it cannot be compared")]
     Missing {
         /// Number of missing messages.
         missing: u64,

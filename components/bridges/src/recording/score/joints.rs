@@ -28,9 +28,9 @@ pub struct JointScore {
     pub tracking_rms: Option<f64>,
     /// Maximum distance from the commanded position; `null` without position commands.
     pub tracking_max: Option<f64>,
-    /// Minimum position.
+    /// Minimum measured position.
     pub position_min: f64,
-    /// Maximum position.
+    /// Maximum measured position.
     pub position_max: f64,
     /// Minimum distance from a position limit, negative beyond the limit; `null` without a limit.
     pub position_margin: Option<f64>,
