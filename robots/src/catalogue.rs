@@ -10,12 +10,12 @@ use crate::{Profile, TriangleMesh};
 pub struct Entry {
     /// Name of the robot in graph files.
     pub name: &'static str,
-    /// Its URDF.
+    /// URDF text of the robot.
     pub urdf: &'static str,
-    /// Poses, end effectors and gains.
+    /// Profile of the robot: poses, end effectors and gains.
     pub profile: Profile,
-    /// Shells of its links: the name in the URDF, `package://ROBOT/shells/PART.obj`, and the Wavefront OBJ
-    /// text.
+    /// Visual meshes of the links: the name in the URDF, `package://ROBOT/shells/PART.obj`, and the Wavefront
+    /// OBJ text of each.
     pub shells: &'static [(&'static str, &'static str)],
 }
 

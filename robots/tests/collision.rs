@@ -160,7 +160,7 @@ fn unusable_shape_is_named_or_left_out() {
 
     let model = with_shape("<sphere radius=\"0\"/>");
     let error = CollisionModel::new(&model, &CollisionOptions::default()).unwrap_err();
-    assert_eq!(error.to_string(), "link \"body\": its radius is 0, which must be above 0");
+    assert_eq!(error.to_string(), "link \"body\": its radius is 0, expected a number above 0");
 }
 
 #[test]

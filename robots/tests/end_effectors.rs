@@ -21,7 +21,7 @@ fn only_end_effector_is_the_default_frame() {
 fn missing_or_ambiguous_tip_is_an_error_with_an_example() {
     let panda = robot("panda");
     let error = panda.model.end_effector(None, None).unwrap_err();
-    assert_eq!(error.to_string(), "robot `panda` has no known end effector, and no `frame` is given");
+    assert_eq!(error.to_string(), "robot `panda` has no known end effector, and no `frame` is specified");
     assert_eq!(error.example(), Some("panda_hand_tcp"));
 
     let mut two = robot("panda");
@@ -29,7 +29,7 @@ fn missing_or_ambiguous_tip_is_an_error_with_an_example() {
     let second = ends.values().next().unwrap().clone();
     ends.insert("second".to_owned(), second);
     let error = two.end_effector(None).unwrap_err();
-    assert_eq!(error.to_string(), "robot `panda` has several end effectors, and no `frame` is given");
+    assert_eq!(error.to_string(), "robot `panda` has several end effectors, and no `frame` is specified");
     assert_eq!(error.example(), Some("panda_hand_tcp"));
 
     let error = panda.end_effector(Some("panda_hand_tpc")).unwrap_err();
@@ -41,7 +41,10 @@ fn missing_or_ambiguous_tip_is_an_error_with_an_example() {
 fn immovable_frame_is_rejected_and_the_tip_suggested() {
     let panda = robot("panda");
     let error = panda.end_effector(Some("panda_link0")).unwrap_err();
-    assert_eq!(error.to_string(), "`panda_link0` of robot `panda` is fixed to the world: no joint moves it");
+    assert_eq!(
+        error.to_string(),
+        "`panda_link0` of robot `panda` is fixed to the world, so no joint moves it"
+    );
     assert_eq!(error.example(), Some("panda_hand_tcp"));
     let quadruped = robot("quadruped");
     let base = &quadruped.model.frames()[0].name;

@@ -231,15 +231,12 @@ fn faulty_mesh_is_rejected_with_its_line() {
         error.replace(&format!("{}/", folder.path().display()), "")
     };
     assert_eq!(refusal("a.obj", b"v 0 0 0\nf 1 2 3\n"), "a.obj:2: a face names corner 2, expected 1 to 1");
-    assert_eq!(refusal("b.obj", b"v 0 0 zero\n"), "b.obj:1: \"zero\" is not the number expected there");
+    assert_eq!(refusal("b.obj", b"v 0 0 zero\n"), "b.obj:1: found \"zero\", expected a number");
     assert_eq!(
         refusal("c.stl", &stl_binary(b"")[..200]),
         "c.stl: ends after 200 bytes where its header states 684"
     );
-    assert_eq!(
-        refusal("d.stl", b"solid x\nfacet\nvertex 1 2\n"),
-        "d.stl:3: \"\" is not the number expected there"
-    );
+    assert_eq!(refusal("d.stl", b"solid x\nfacet\nvertex 1 2\n"), "d.stl:3: found \"\", expected a number");
     assert_eq!(refusal("e.stl", b"solid x\nendsolid\n"), "e.stl: has no triangles");
     assert_eq!(
         refusal("f.dae", b"<COLLADA>\n<scene></COLLADA>"),

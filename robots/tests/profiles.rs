@@ -69,7 +69,7 @@ fn feet_and_mobile_bases_are_checked() {
     assert!(flat.contains("is 0, expected a positive number"), "{flat}");
     let base = "[mobile_base]\nframe = \"rod\"\nwheels = [\"hinge\"]\nwheel_radius = 0.1\n";
     let car = with(&format!("{base}drive = \"ackermann\"\nsteering = [\"hinge\"]\ntrack = 0.3\n"));
-    assert_eq!(car, "the mobile base is ackermann, which needs `wheelbase`");
+    assert_eq!(car, "the mobile base is ackermann, which requires `wheelbase`");
     let differential = with(&format!("{base}drive = \"differential\"\n"));
     assert!(differential.contains("needs `track`"), "{differential}");
     let model = load("pendulum", Path::new(".")).unwrap().model;

@@ -183,7 +183,7 @@ fn unreadable_meshes_are_reported_with_their_reference() {
              a complete .stl, .obj or .dae file: export it again",
             "link \"a\": mesh \"wrong.obj\" (r.urdf:4:22): wrong.obj:4: a face names corner 9, expected 1 to 3; expected a \
              complete .stl, .obj or .dae file: export it again",
-            "link \"a\": mesh \"scan.ply\" (r.urdf:6:22): scan.ply: not a mesh format that can be read; convert it to .stl, \
+            "link \"a\": mesh \"scan.ply\" (r.urdf:6:22): scan.ply: not a supported mesh format; convert it to .stl, \
              .obj or .dae",
         ]
     );

@@ -67,15 +67,15 @@ fn links_that_are_not_one_tree_are_rejected() {
     let twice = r#"<joint name="ac" type="fixed"><parent link="a"/><child link="c"/></joint>"#;
     assert_eq!(
         fault(&joints(&format!("{B_TO_C}\n{twice}"))),
-        "robot.urdf:6:1: link \"c\" is the child of two joints, \"bc\" and \"ac\"; a URDF is a tree"
+        "robot.urdf:6:1: link \"c\" is the child of two joints, \"bc\" and \"ac\"; a URDF must be a tree"
     );
     let back = r#"<joint name="cb" type="fixed"><parent link="c"/><child link="b"/></joint>"#;
     assert_eq!(
         fault(&joints(&format!("{B_TO_C}\n{back}"))),
-        "robot.urdf:3:1: the links form a loop: b -> c -> b; a URDF is a tree"
+        "robot.urdf:3:1: the links form a loop: b -> c -> b; a URDF must be a tree"
     );
     let own = "<robot name=\"r\"><link name=\"a\"/>\n<joint name=\"aa\" type=\"fixed\"><parent link=\"a\"/><child link=\"a\"/></joint></robot>";
-    assert_eq!(fault(own), "robot.urdf:1:17: the links form a loop: a -> a; a URDF is a tree");
+    assert_eq!(fault(own), "robot.urdf:1:17: the links form a loop: a -> a; a URDF must be a tree");
 }
 
 #[test]

@@ -143,7 +143,7 @@ fn impossible_inertias_load_with_a_warning() {
     );
     assert_eq!(
         warnings(&with_inertial(&inertial(0.0, [1.0, 1.0, 1.0]))),
-        ["link \"b\": rotational inertia without mass"]
+        ["link \"b\": rotational inertia is set, but the mass is zero"]
     );
 }
 

@@ -11,8 +11,9 @@ const COLOURS: usize = 255;
 /// Bits per channel in the colour histogram.
 const BITS: u32 = 6;
 
-/// Encodes row-major RGB images as one file: a single image, or an endlessly looping animation that shows
-/// each frame for `delay_ms`. Each colour is replaced by the nearest of 255 palette colours.
+/// Encodes row-major RGB images of `width` x `height` pixels as one PNG file. Several images become an
+/// endlessly looping animation that shows each frame for `delay_ms`. Each colour is replaced by the nearest
+/// of 255 palette colours.
 ///
 /// ```
 /// let (red, blue) = ([255, 0, 0], [0, 0, 255]);
@@ -22,7 +23,7 @@ const BITS: u32 = 6;
 ///
 /// # Panics
 ///
-/// Panics if the images differ in size, or if there are none.
+/// Panics if the images differ in size, or if `pictures` is empty.
 pub fn encode(width: usize, height: usize, delay_ms: u16, pictures: &[Vec<u8>]) -> Vec<u8> {
     assert!(!pictures.is_empty() && pictures.iter().all(|picture| picture.len() == 3 * width * height));
     let palette = Palette::new(pictures);
@@ -69,7 +70,7 @@ pub fn encode(width: usize, height: usize, delay_ms: u16, pictures: &[Vec<u8>]) 
     file
 }
 
-/// Number of frames in a PNG file; `None` if the bytes are not a PNG file.
+/// Returns the number of frames in a PNG file; `None` if the bytes are not a PNG file.
 pub fn frames(file: &[u8]) -> Option<usize> {
     let chunks = crate::png::chunks(file)?;
     let control = chunks.iter().find(|(at, _)| &file[at + 4..at + 8] == b"acTL");

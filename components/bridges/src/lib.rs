@@ -1,7 +1,7 @@
 //! Bridges between motorium graphs and other programs.
 //!
-//! A bridge is a component of the graph. It sends copies of outgoing values, and validates, rate-limits and
-//! stamps incoming ones. Other components never read values of foreign programs directly.
+//! A bridge is a component of the graph. It sends copies of outgoing values. It validates, rate-limits and
+//! stamps incoming values. Other components never read values of foreign programs directly.
 
 pub mod animation;
 pub mod foxglove;

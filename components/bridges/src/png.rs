@@ -8,7 +8,7 @@ const LEVEL: u8 = 4;
 /// First bytes of every file.
 pub(crate) const SIGNATURE: &[u8] = b"\x89PNG\r\n\x1a\n";
 
-/// Encodes row-major RGB pixels as a file.
+/// Encodes row-major RGB pixels as a PNG file.
 ///
 /// ```
 /// let red_and_blue = [255, 0, 0, 0, 0, 255];
@@ -26,7 +26,8 @@ pub fn encode(width: usize, height: usize, pixels: &[u8]) -> Vec<u8> {
     file
 }
 
-/// Adds a text with an ASCII keyword to a PNG file. Returns `None` if the bytes are not a PNG file.
+/// Returns a PNG file with an added text under an ASCII keyword. Returns `None` if the bytes are not a PNG
+/// file.
 ///
 /// ```
 /// use motorium_bridges::png::{encode, text, with_text};
@@ -43,7 +44,7 @@ pub fn with_text(file: &[u8], keyword: &str, text: &str) -> Option<Vec<u8>> {
     Some(longer)
 }
 
-/// Returns the text of a file with this keyword.
+/// Returns the text with this keyword in a PNG file, or `None` if there is no such text.
 pub fn text(file: &[u8], keyword: &str) -> Option<String> {
     chunks(file)?.into_iter().find_map(|(at, data)| {
         let found = data.strip_prefix(keyword.as_bytes())?.strip_prefix(&[0])?;

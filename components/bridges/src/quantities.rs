@@ -4,7 +4,7 @@ use motorium::plan::Plan;
 
 use crate::foxglove::joints_of_topic;
 
-/// Quantity of a field.
+/// Unit and entry names of a field.
 ///
 /// ```
 /// use motorium_bridges::quantities::quantity;
@@ -181,7 +181,8 @@ const TABLE: &[(&str, &[Row])] = &[
     ("Event", &[("value", "", NONE)]),
 ];
 
-/// Returns the quantity of a field of a built-in type. `None` for other types and integer fields.
+/// Returns the unit and entry names of a field of a built-in type. `None` for other types and for integer
+/// fields.
 pub fn quantity(type_name: &str, field: &str) -> Option<Quantity> {
     let type_name = type_name.strip_prefix("motorium.")?;
     let (_, fields) = TABLE.iter().find(|(name, _)| *name == type_name)?;
@@ -189,8 +190,8 @@ pub fn quantity(type_name: &str, field: &str) -> Option<Quantity> {
     Some(Quantity { unit, axes })
 }
 
-/// Returns the names of the entries of a field: joints of the topic's robot, or axes. Returns an empty list
-/// if the entries have no names.
+/// Returns the names of the entries of a field: the joints of the topic's robot, or axes. Returns an empty
+/// list if the entries have no names.
 ///
 /// ```
 /// # fn of(plan: &motorium::plan::Plan) {

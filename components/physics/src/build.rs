@@ -8,7 +8,7 @@ use crate::{
     Capabilities, ConnectError, Integrator, LibraryError, Options, ResetError, RobotSetup, World, WorldError,
 };
 
-/// An error in the set-up of a simulation.
+/// The simulation cannot be built.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum BuildError {
     /// The world description is invalid.
@@ -23,20 +23,22 @@ pub enum BuildError {
         /// Name of the robot.
         robot: String,
     },
-    /// The simulation has no robot.
+    /// The simulation contains no robot.
     #[error(
-        "a simulation needs a robot; for objects alone, use a robot out of their way, such as `pendulum`"
+        "the simulation has no robot, expected at least one; for objects alone, add a robot that does not touch them, such as `pendulum`"
     )]
     NoRobot,
-    /// Two links or two joints of the robots have the same name.
-    #[error("two of the robots have a link or a joint \"{name}\"; give each a prefix (`Model::prefixed`)")]
+    /// Two links or two joints of different robots have the same name.
+    #[error(
+        "two robots have a link or a joint named \"{name}\"; give each robot a prefix (`Model::prefixed`)"
+    )]
     Name {
         /// The duplicate name.
         name: String,
     },
     /// The rapier engine does not support several articulations.
     #[error(
-        "the rapier engine simulates one articulation; join robots with fixed bases by `Model::world`, or use \
+        "the rapier engine does not support several articulations; join robots with fixed bases by `Model::world`, or use \
          `physics.articulated` (`ArticulatedSimulator`)"
     )]
     SeveralArticulations,
@@ -73,11 +75,11 @@ pub enum BuildError {
         reason: String,
     },
     /// The engine supports ideal actuators only.
-    #[error("this engine simulates ideal drives only; use `physics.articulated` (`ArticulatedSimulator`)")]
+    #[error("this engine supports only ideal actuators; use `physics.articulated` (`ArticulatedSimulator`)")]
     IdealDrives,
     /// The engine does not support the requested integration method.
     #[error(
-        "the {engine} engine has its own integration method; leave `integrator` out, or use `physics.articulated` \
+        "the {engine} engine does not support a choice of integration method; remove `integrator`, or use `physics.articulated` \
          (`ArticulatedSimulator`)"
     )]
     Integrator {
@@ -89,7 +91,7 @@ pub enum BuildError {
     Actuator {
         /// Name of the joint.
         joint: String,
-        /// The reason.
+        /// Error of the settings.
         error: ActuatorError,
     },
     /// The initial state is invalid.
@@ -100,14 +102,14 @@ pub enum BuildError {
     Option {
         /// Name of the setting.
         name: &'static str,
-        /// The value found.
+        /// Actual value.
         value: f64,
-        /// The expected range.
+        /// Expected range, as a phrase.
         expected: &'static str,
     },
 }
 
-/// A warning about the set-up of a simulation.
+/// A problem with the set-up that does not prevent the simulation.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum BuildWarning {
     /// A collision shape is unusable.
@@ -118,28 +120,28 @@ pub enum BuildWarning {
     ShapeIgnored {
         /// Name of the link.
         link: String,
-        /// The reason.
+        /// Reason why the shape cannot be used.
         reason: String,
     },
     /// A collision rule names links that the robot does not have.
     #[error("a collision rule is ignored: {reason}")]
     RuleIgnored {
-        /// The reason.
+        /// Reason why the rule cannot be applied.
         reason: String,
     },
-    /// The robot has no collision shapes in a world that has something to touch.
+    /// The robot has no collision shapes, but the world has a ground or objects.
     #[error(
-        "robot \"{robot}\" has no collision shapes: it passes through the ground and all objects; \
+        "robot \"{robot}\" has no collision shapes and passes through the ground and all objects; \
          `motorium robot hulls` gives its links the hulls of their visuals"
     )]
     NoShapes {
         /// Name of the robot.
         robot: String,
     },
-    /// Two links start so close to each other that they never count as touching.
+    /// Two links start so close to each other that contacts between them are disabled.
     #[error(
-        "links \"{first}\" and \"{second}\" start {apart:.1} mm apart and will never collide with one another; \
-         start more than 1 cm apart if they should",
+        "links \"{first}\" and \"{second}\" start {apart:.1} mm apart and will never collide with each other; \
+         if they should collide, start them more than 1 cm apart",
         apart = distance * 1e3
     )]
     SelfCollisionOff {
@@ -150,9 +152,9 @@ pub enum BuildWarning {
         /// Distance between them at the start \[m\].
         distance: f64,
     },
-    /// A link starts inside something.
+    /// A link overlaps something at the start.
     #[error(
-        "link \"{link}\" starts inside \"{other}\" and will be pushed out; start elsewhere or move \"{other}\""
+        "link \"{link}\" starts inside \"{other}\" and will be pushed out; change the start pose or move \"{other}\""
     )]
     StartsInside {
         /// Name of the link.
@@ -162,7 +164,7 @@ pub enum BuildWarning {
     },
     /// Two objects overlap at the start, or one overlaps the ground.
     #[error(
-        "\"{first}\" and \"{second}\" start {depth:.1} mm inside one another and will be pushed apart; start them farther apart",
+        "\"{first}\" and \"{second}\" start {depth:.1} mm inside each other and will be pushed apart; start them farther apart",
         depth = depth * 1e3
     )]
     ObjectsOverlap {
@@ -198,8 +200,8 @@ pub enum BuildWarning {
 }
 
 impl BuildWarning {
-    /// Formats the warnings as texts. Ignored shapes, overlapping objects and pairs of links that start too
-    /// close have one text each.
+    /// Formats the warnings. Ignored shapes, overlapping objects, and pairs of links that start too close are
+    /// each summarised in one text.
     ///
     /// ```
     /// use motorium_physics::BuildWarning;
@@ -251,7 +253,7 @@ impl BuildWarning {
             [] => {}
             [one] => summary.push(one.to_string()),
             several => summary.push(format!(
-                "{} pairs of links start less than a centimetre apart and will never collide with one another: {}",
+                "{} pairs of links start less than a centimetre apart and will never collide with each other: {}",
                 several.len(),
                 several.iter().map(pair).collect::<Vec<_>>().join(", ")
             )),
@@ -297,7 +299,7 @@ impl BuildError {
             matches!(&object.shape, ObjectShape::Mesh(mesh) if mesh.collision == MeshCollision::Triangles)
         });
         if let Some(object) = triangles.filter(|_| !abilities.triangles) {
-            let ability = "contacts of the triangles of a mesh";
+            let ability = "triangle collision";
             return Err(Self::Unable { engine, ability, owner: object.name.clone(), surface: None });
         }
         if let Some(connection) = world.connections.first().filter(|_| !abilities.connections) {
@@ -312,7 +314,7 @@ impl BuildError {
                 (rolling > 0.0 && !abilities.rolling_friction, "rolling friction"),
                 (conveyor && !abilities.conveyors, "conveyor"),
                 (soft && !abilities.textures, "soft surface"),
-                (grain && !abilities.textures, "friction that differs by direction"),
+                (grain && !abilities.textures, "direction-dependent friction"),
             ];
             if let Some((_, ability)) = wants.into_iter().find(|(missing, _)| *missing) {
                 let surface = is_link.then_some(if soft { "soft" } else { "grain" });

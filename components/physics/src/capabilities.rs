@@ -1,29 +1,29 @@
 //! Abilities that only some engines have.
 
-/// The abilities of a simulator that only some engines have. Every engine supports robots with fixed bases,
-/// several of them as one model, free and fixed objects, contacts, rays, commands, placement, reset, save and
-/// restore.
+/// Optional features of a simulation engine. Every engine supports robots with fixed bases, several of them
+/// in one model, free and fixed objects, contacts, rays, commands, placement, reset, save and restore.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Capabilities {
-    /// Robots with a floating base, and several of them in one world.
+    /// Floating bases, and several robots with a floating base in one world.
     pub floating_bases: bool,
-    /// Several [articulations](crate::Simulator::articulations). Without it,
+    /// Several [articulations](crate::Simulator::articulations). If false,
     /// [`Simulator::place_at`](crate::Simulator::place_at) places all robots together.
     pub several_articulations: bool,
-    /// Steps after the first do not allocate.
+    /// No heap allocation in any step after the first.
     pub allocation_free: bool,
     /// Torsional and rolling friction.
     pub rolling_friction: bool,
     /// Conveyors: surfaces that move tangentially.
     pub conveyors: bool,
-    /// Compliant surfaces and direction-dependent friction.
+    /// Soft surfaces and direction-dependent friction.
     pub textures: bool,
-    /// Contacts with the triangles of [meshes](motorium_worlds::MeshCollision) of objects. Every engine
-    /// supports contacts with their convex parts.
+    /// Collision with the triangles of [meshes](motorium_worlds::MeshCollision) of objects. Every engine
+    /// supports collision with their convex parts.
     pub triangles: bool,
-    /// Changes of physical [properties](crate::Properties) [during motion](crate::Simulation::change).
+    /// Changes of physical [properties](crate::Properties) during motion, by
+    /// [`Simulation::change`](crate::Simulation::change).
     pub changes: bool,
-    /// A choice of integration methods.
+    /// Choice of the [integration method](crate::Integrator).
     pub integrators: bool,
     /// [Connections](crate::Connection) between parts in addition to the joints of robots.
     pub connections: bool,

@@ -9,12 +9,12 @@ use crate::{JointSetpoint, WorldError};
 /// Linear \[m/s\] and angular \[rad/s\] speed of a base beyond which the simulation is no longer meaningful.
 pub(crate) const BASE_BOUND: (f64, f64) = (200.0, 1000.0);
 
-/// An error of a step. The simulator keeps its state from before the step.
+/// The step failed. The simulator keeps its state from before the step.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum StepError {
     /// A command contains a field that is not finite, or a negative gain.
     #[error(
-        "the command of joint {joint} (\"{name}\") is {command:?}: every field must be finite and no gain negative; \
+        "the command of joint {joint} (\"{name}\") is {command:?}, expected finite fields and gains from 0 up; \
          check the controller's commands"
     )]
     InvalidCommand {
@@ -22,7 +22,7 @@ pub enum StepError {
         joint: usize,
         /// Name of the joint.
         name: String,
-        /// The command found.
+        /// Rejected command.
         command: JointSetpoint,
     },
     /// The step length is not a positive number.
@@ -39,9 +39,9 @@ pub enum StepError {
         /// Name of the joint.
         name: String,
     },
-    /// A joint velocity is out of the range in which the simulation is meaningful.
+    /// A joint velocity exceeds the bound up to which the simulation is meaningful.
     #[error(
-        "joint {joint} (\"{name}\") would move at {velocity} rad/s or m/s, expected less than {bound}: \
+        "joint {joint} (\"{name}\") would reach {velocity} rad/s or m/s, expected less than {bound}; \
          the simulation diverges; use a shorter step, or check efforts, gains and the initial pose"
     )]
     Diverged {
@@ -51,12 +51,12 @@ pub enum StepError {
         name: String,
         /// Velocity at the end of the step; may be infinite or NaN.
         velocity: f64,
-        /// The exceeded bound.
+        /// Bound that the velocity exceeds.
         bound: f64,
     },
-    /// The velocity of a base is out of the range in which the simulation is meaningful.
+    /// The velocity of a base exceeds the bound up to which the simulation is meaningful.
     #[error(
-        "the base \"{base}\" would move at {linear} m/s and {angular} rad/s, expected less than {} and {}: \
+        "the base \"{base}\" would reach {linear} m/s and {angular} rad/s, expected less than {} and {}; \
          the simulation diverges; use a shorter step, or check efforts, gains and the initial pose",
         BASE_BOUND.0, BASE_BOUND.1
     )]
@@ -65,19 +65,19 @@ pub enum StepError {
         base: String,
         /// Speed of its origin at the end of the step \[m/s\]; may be infinite or NaN.
         linear: f64,
-        /// Angular speed \[rad/s\].
+        /// Angular speed at the end of the step \[rad/s\]; may be infinite or NaN.
         angular: f64,
     },
     /// The step has more contacts than the MuJoCo engine has memory for.
     #[error(
-        "the contacts of this step do not fit into the memory of MuJoCo; \
-         let fewer objects touch one another, or use `physics.articulated`"
+        "the step has more contacts than fit into MuJoCo's memory; \
+         reduce the number of touching objects, or use `physics.articulated`"
     )]
     TooManyContacts,
     /// The pose or velocity of an object is no longer finite.
     #[error(
-        "object \"{object}\" has no finite pose after the step: \
-         the simulation diverges; use a shorter step or avoid objects that start inside one another"
+        "object \"{object}\" would have a pose that is not finite; \
+         the simulation diverges; use a shorter step, or avoid objects that overlap at the start"
     )]
     ObjectDiverged {
         /// Name of the object.
@@ -124,7 +124,7 @@ impl ResetError {
     }
 }
 
-/// The reason why [`Simulator::reset`](crate::Simulator::reset) rejected a state.
+/// The state passed to [`Simulator::reset`](crate::Simulator::reset) was rejected.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ResetError {
     /// The vectors have the wrong length.
@@ -142,7 +142,7 @@ pub enum ResetError {
     },
     /// The pose or velocity of a floating base is invalid.
     #[error(
-        "the base would start at {pose:?} with velocity {velocity:?}: expected finite numbers, and a unit quaternion x y z w \
+        "the base would start at {pose:?} with velocity {velocity:?}, expected finite numbers, with a unit quaternion x y z w \
          after the position"
     )]
     Base {
@@ -153,7 +153,7 @@ pub enum ResetError {
     },
     /// The properties belong to another robot or another world.
     #[error(
-        "the properties belong to another robot or world; change the ones returned by `Simulation::properties`"
+        "the properties belong to another robot or world; start from the properties returned by `Simulation::properties`"
     )]
     Properties,
     /// The world is invalid.
@@ -161,21 +161,23 @@ pub enum ResetError {
     World(WorldError),
     /// A surface has an invalid friction or restitution.
     #[error(
-        "the surface of \"{}\" has friction {} and restitution {}: expected a friction of at least 0 and a restitution from 0 to 1",
+        "the surface of \"{}\" has friction {} and restitution {}, expected a friction of at least 0 and a restitution from 0 to 1",
         .0.name, .0.friction, .0.restitution
     )]
     Surface(Surface),
     /// The settings of an actuator are invalid.
     #[error("actuator: {0}")]
     Actuator(#[from] ActuatorError),
-    /// The engine cannot simulate the robot with these properties.
+    /// The engine cannot simulate the robot with the changed properties.
     #[error("{reason}")]
     Refused {
-        /// The message from the engine.
+        /// Message of the engine.
         reason: String,
     },
     /// A value is not finite.
-    #[error("joint {joint} (\"{name}\") would start at position {position}, velocity {velocity}: not finite")]
+    #[error(
+        "joint {joint} (\"{name}\") would start at position {position} and velocity {velocity}, expected finite numbers"
+    )]
     NotFinite {
         /// Index of the joint in `q`.
         joint: usize,

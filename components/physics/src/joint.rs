@@ -2,17 +2,17 @@
 
 use motorium_robots::Model;
 
-/// Passive properties of one independent joint, including the contributions of the joints that mimic it.
+/// Passive properties of one independent joint. They include the contributions of the joints that mimic it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JointProperties {
-    /// Lower position limit \[rad or m\], -inf without a limit.
+    /// Lower position limit \[rad or m\]; -inf without a limit.
     pub lower: f64,
-    /// Upper position limit \[rad or m\], +inf without a limit.
+    /// Upper position limit \[rad or m\]; +inf without a limit.
     pub upper: f64,
-    /// Largest effort of the drive in either direction \[Nm or N\].
+    /// Maximum effort of the drive in either direction \[Nm or N\].
     pub effort_limit: f64,
-    /// Velocity limit \[rad/s or m/s\], +inf without a limit. Steps beyond it are counted. Drives enforce it
-    /// if their command contains it ([`JointSetpoint`](crate::JointSetpoint)).
+    /// Velocity limit \[rad/s or m/s\]; +inf without a limit. Steps beyond it are counted. A drive enforces
+    /// it only if its command contains it ([`JointSetpoint`](crate::JointSetpoint)).
     pub velocity_limit: f64,
     /// Viscous damping \[Nms/rad or Ns/m\].
     pub damping: f64,
@@ -20,14 +20,15 @@ pub struct JointProperties {
     pub friction: f64,
     /// Inertia of the rotor reflected to the joint \[kg m2 or kg\].
     pub armature: f64,
-    /// Stiffness of the joint's spring \[Nm/rad or N/m\], 0 without a spring.
+    /// Stiffness of the joint's spring \[Nm/rad or N/m\]; 0 without a spring.
     pub stiffness: f64,
     /// Position at which the spring is relaxed \[rad or m\].
     pub rest: f64,
 }
 
 impl JointProperties {
-    /// Returns the properties of every independent joint of `model`, each with this armature \[kg m2 or kg\].
+    /// Returns the properties of every independent joint of `model`. All joints have the given armature \[kg
+    /// m2 or kg\].
     ///
     /// A mimic joint adds `multiplier^2` times its damping and stiffness, and `|multiplier|` times its
     /// friction, to the joint it follows.

@@ -1,11 +1,11 @@
 //! Physics for motorium: simulated robots and worlds.
 //!
-//! A [`Simulator`] is a robot in a [`World`]. Three engines are available. [`ArticulatedSimulator`] uses
-//! motorium's own dynamics and contact solver and moves robots with a fixed or a floating base.
-//! [`RapierSimulator`] uses the rapier engine and moves robots with a fixed base. [`MujocoSimulator`] uses
-//! the MuJoCo library, where it is installed, and moves all robots. The engines share state, commands,
-//! limits, collision model and set-up: a [`Simulation`] over an [`Engine`]. A [`Batch`] steps many worlds on
-//! all cores. All of these form a plain library that does not need the runtime.
+//! A [`Simulator`] simulates robots in a [`World`]. Three engines are available. [`ArticulatedSimulator`]
+//! uses motorium's own dynamics and contact solver and supports robots with a fixed or a floating base.
+//! [`RapierSimulator`] uses the rapier engine and supports robots with a fixed base. [`MujocoSimulator`] uses
+//! the MuJoCo library, where it is installed, and supports all robots. The engines share state, commands,
+//! limits, collision model and set-up: each is a [`Simulation`] over an [`Engine`]. A [`Batch`] steps many
+//! worlds on all cores. All of these form a plain library that does not need the runtime.
 //!
 //! [`ArticulatedPhysics`] (`physics.articulated`), [`RapierPhysics`] (`physics.rapier`) and [`MujocoPhysics`]
 //! (`physics.mujoco`) are the components of a graph; only they depend on the runtime.

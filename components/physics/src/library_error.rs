@@ -8,24 +8,24 @@ pub(crate) const VARIABLE: &str = "MOTORIUM_MUJOCO";
 /// File name of the library.
 pub(crate) const FILE: &str = "libmujoco.so.3.17.0";
 
-/// An error in loading MuJoCo's library.
+/// MuJoCo's library cannot be loaded.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum LibraryError {
     /// The library was not found.
     #[error(
-        "MuJoCo's library `{}` was not found; install it by `pip install mujoco==3.17.0` into the Python of your \
+        "MuJoCo's library `{}` was not found; install it with `pip install mujoco==3.17.0` into the Python of your \
          path, or set {} to the library or its folder",
         FILE,
         VARIABLE
     )]
     Missing,
-    /// The variable does not name the library.
+    /// The environment variable does not point to the library.
     #[error(
-        "{} is `{}`, where there is no `{}`; `pip install mujoco==3.17.0` installs it",
+        "{} is set to `{}`, which does not contain `{}`; install it with `pip install mujoco==3.17.0`",
         VARIABLE, path.display(), FILE
     )]
     Elsewhere {
-        /// Value of the variable.
+        /// Value of the environment variable.
         path: PathBuf,
     },
     /// The library cannot be loaded.
@@ -33,19 +33,19 @@ pub enum LibraryError {
     Unusable {
         /// Path of the library.
         path: PathBuf,
-        /// Message from the system's loader.
+        /// Message of the system's loader.
         reason: String,
     },
     /// The library has an unsupported version.
     #[error(
-        "MuJoCo's library `{}` is of version {found}, expected 3.17.0, whose memory layout motorium knows; \
-         `pip install mujoco==3.17.0` installs it",
+        "MuJoCo's library `{}` has version {found}, expected 3.17.0, the only version whose memory layout is supported; \
+         install it with `pip install mujoco==3.17.0`",
         path.display()
     )]
     Version {
         /// Path of the library.
         path: PathBuf,
-        /// Reported version.
+        /// Version that the library reports.
         found: String,
     },
 }

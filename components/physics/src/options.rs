@@ -3,18 +3,18 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Method that integrates the motion of robots and objects that touch nothing.
+/// Integration method for robots and objects that touch nothing.
 ///
-/// With either method, anything that is in contact, at a joint stop, pushed, or behind the spring of a
-/// drivetrain uses Euler's method in that step. Drives are always implicit.
+/// With either method, a robot or object that is in contact, at a joint stop, pushed, or driven through the
+/// spring of a drivetrain uses Euler's method in that step. Drives are always implicit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Integrator {
     /// Semi-implicit Euler, first order in the step length.
     #[default]
     Euler,
-    /// The midpoint rule, second order in the step length. The energy drift is a small fraction of Euler's
-    /// and free flight is exact. A robot's forces are computed twice per step.
+    /// Midpoint rule, second order in the step length. The energy drift is a small fraction of Euler's, and
+    /// free flight is exact. The forces of a robot are computed twice per step.
     Midpoint,
 }
 
@@ -22,21 +22,21 @@ pub enum Integrator {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Options {
-    /// Integration steps per step for everything that does not use `contact_iterations`, 1 to 100, default 1.
-    /// One is enough at 1 kHz: the drives are implicit, so more steps only refine the integration. Rapier
-    /// accepts 1 only, because it always runs `contact_iterations` steps.
+    /// Number of integration steps per step, 1 to 100, default 1. Applies to everything that does not use
+    /// `contact_iterations`. One is enough at 1 kHz: the drives are implicit, so more steps only refine the
+    /// integration. Rapier accepts only 1, because it always runs `contact_iterations` steps.
     #[schemars(range(min = 1, max = 100))]
     pub substeps: usize,
-    /// Integration steps per step for a robot within a centimetre of a movable object or another robot, and
-    /// for everything that touches such a robot, 1 to 100, default 2. Two are enough to hold a grasp. More
-    /// resolve fast impacts better, and each adds a solution of the contact problem.
+    /// Number of integration steps per step for a robot within a centimetre of a movable object or another
+    /// robot, and for everything that touches such a robot; 1 to 100, default 2. Two are enough to hold a
+    /// grasp. More steps resolve fast impacts better, but each solves the contact problem once more.
     #[schemars(range(min = 1, max = 100))]
     pub contact_iterations: usize,
-    /// Contacts between links of the robot, default true. Links that share a joint or a parent, and links
-    /// that start within a centimetre of each other, never touch each other.
+    /// `true` if links of the robot can touch each other, default true. Links that share a joint or a parent,
+    /// and links that start within a centimetre of each other, never do.
     pub self_collision: bool,
-    /// Inertia of each drive's rotor reflected to the joint (kg m2 or kg), added to the armature of the
-    /// model; from 0, default 0.
+    /// Rotor inertia of each drive reflected to the joint (kg m2 or kg), from 0, default 0. It is added to
+    /// the armature of the model.
     #[schemars(range(min = 0.0))]
     pub armature: f64,
     /// Friction coefficient of the robot's surface, from 0, default 0.8. A contact uses the mean of both
@@ -47,9 +47,9 @@ pub struct Options {
     /// default 0. A contact uses the mean of both surfaces.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub restitution: f64,
-    /// Objects at rest for half a second sleep with everything they touch, default true. Their forces
-    /// persist, and they cost next to nothing until something touches or moves them. Objects in rapier and
-    /// MuJoCo never sleep.
+    /// `true` if objects that have been at rest for half a second sleep together with everything they touch,
+    /// default true. Their contact forces persist, and they cost next to nothing until something touches or
+    /// moves them. Objects in rapier and MuJoCo never sleep.
     pub sleeping: bool,
     /// Integration method of robots and objects that touch nothing: `euler`, first order, the default, or
     /// `midpoint`, second order. Only `physics.articulated` supports `midpoint`.

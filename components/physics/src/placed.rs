@@ -11,7 +11,8 @@ use crate::robot::{Articulation, Robot};
 use crate::{JointSetpoint, ResetError};
 
 impl Articulation {
-    /// Returns `true` if the articulation is [placed](crate::Simulator::place_at), so that no force moves it.
+    /// Returns `true` if the articulation with this index is [placed](crate::Simulator::place_at), so that no
+    /// force moves it.
     pub fn is_placed(&self) -> bool {
         self.placed
     }

@@ -7,7 +7,7 @@ use nalgebra::Vector3;
 use crate::joint::JointProperties;
 use crate::{Engine, ResetError, Simulation, Surface};
 
-/// The physical properties of a simulation that may change between two resets without a rebuild.
+/// Physical properties of a simulation that may change at a reset without a rebuild.
 ///
 /// ```
 /// use std::path::Path;
@@ -31,22 +31,23 @@ use crate::{Engine, ResetError, Simulation, Surface};
 /// ```
 #[derive(Clone, Debug)]
 pub struct Properties {
-    /// The robot: its inertias, joint dynamics and effort limits. Links, joints and shapes must match the
-    /// simulation.
+    /// Model of the robot. Its inertias, joint dynamics and effort limits may change; links, joints and
+    /// shapes must match the simulation.
     pub model: Model,
     /// Models of all [articulations](crate::Articulation) after the first.
     pub others: Vec<Model>,
-    /// The world: gravity, and the mass and start of its objects. The set of objects, their shapes, and the
-    /// ground must match the simulation. The surfaces given here are ignored.
+    /// The world. Gravity, and the masses and initial states of objects may change. The set of objects, their
+    /// shapes, and the ground must match the simulation. Its surfaces are ignored; use `surfaces`.
     pub world: World,
     /// The surfaces of all colliders: robot, objects, and ground or terrain.
     pub surfaces: Vec<Surface>,
-    /// The actuators of each articulation, one per joint; empty if all are ideal. Ideal actuators stay ideal.
+    /// Actuator settings of each articulation, one per joint; empty if all actuators are ideal. Ideal
+    /// actuators remain ideal.
     pub actuators: Vec<Vec<Option<ActuatorSettings>>>,
 }
 
 impl<E: Engine> Simulation<E> {
-    /// Returns the current properties.
+    /// Returns the current physical properties.
     pub fn properties(&self) -> Properties {
         Properties {
             model: self.robot.first().model.clone(),
@@ -58,14 +59,14 @@ impl<E: Engine> Simulation<E> {
     }
 
     /// [Resets](crate::Simulator::reset) the simulation with these properties, which persist until the next
-    /// call. Nothing is rebuilt: the shapes and pairs of the contact detection are kept.
+    /// call. Nothing is rebuilt: the contact detection keeps its shapes and pairs.
     ///
     /// A [saved state](crate::Simulator::save) contains gravity and the objects' masses, but not the robot's
-    /// properties. Restore it under the properties it was saved with.
+    /// properties. Restore it under the properties with which it was saved.
     ///
     /// # Errors
     ///
-    /// [`ResetError`], also if the properties belong to another robot or world; nothing has changed then.
+    /// [`ResetError`], also if the properties belong to another robot or world. Nothing is changed then.
     pub fn reset_with(&mut self, properties: &Properties, q: &[f64], v: &[f64]) -> Result<(), ResetError> {
         // The terrain is checked where its heights are computed, because a second check would take long.
         let appearance = Appearance::default();
@@ -78,13 +79,13 @@ impl<E: Engine> Simulation<E> {
         crate::Simulator::reset(self, q, v)
     }
 
-    /// Changes properties during motion: gravity and the properties of robots, surfaces and actuators.
-    /// Objects and terrain keep their properties. May allocate.
+    /// Changes physical properties during motion: gravity and the properties of robots, surfaces and
+    /// actuators. Objects and terrain keep their properties. May allocate.
     ///
     /// # Errors
     ///
-    /// [`ResetError`], also if the engine [cannot change properties](crate::Capabilities::changes); nothing
-    /// has changed then.
+    /// [`ResetError`], also if the engine [cannot change properties](crate::Capabilities::changes). Nothing
+    /// is changed then.
     pub fn change(&mut self, properties: &Properties) -> Result<(), ResetError> {
         if !E::CAPABILITIES.changes {
             let reason = format!("the {} engine changes properties only at resets", E::NAME);

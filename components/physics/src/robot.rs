@@ -12,30 +12,31 @@ use crate::error::BASE_BOUND;
 use crate::joint::JointProperties;
 use crate::{JointSetpoint, Options, ResetError, RotorDrive, StepError};
 
-/// The robot of a simulation: its model, its rotors and its collision rules.
+/// Description of a simulated robot: its model, rotors, collision rules, surfaces and actuators.
 ///
-/// A bare [`Model`] converts into a setup without rotors and rules.
+/// A bare [`Model`] converts into a setup without rotors and collision rules.
 #[derive(Clone, Debug)]
 pub struct RobotSetup {
     /// Links, joints, inertias and collision shapes.
     pub model: Model,
-    /// Drives that pull on the robot instead of turning a joint.
+    /// Drives that apply thrust to the robot instead of moving a joint.
     pub rotors: Vec<RotorDrive>,
-    /// Pairs of links that never touch each other, and exceptions to the engine's built-in rules.
+    /// SRDF rules: pairs of links that never touch each other, and exceptions to the engine's built-in rules.
     pub collision_rules: Srdf,
-    /// Friction coefficients of links that differ from the default surface.
+    /// Friction coefficients by link name, for links that differ from the default surface.
     pub friction: BTreeMap<String, f64>,
-    /// Rules by which the frictions of links combine.
+    /// Rules by which the friction coefficients of links combine with other surfaces', by link name.
     pub friction_combine: BTreeMap<String, FrictionCombine>,
-    /// Restitutions of links that differ from the default surface, 0 to 1.
+    /// Restitutions by link name, 0 to 1, for links that differ from the default surface.
     pub restitution: BTreeMap<String, f64>,
-    /// Links with a compliant surface.
+    /// Softness by link name, for links with a compliant surface.
     pub soft: BTreeMap<String, Softness>,
-    /// Links with direction-dependent friction; directions are in link axes.
+    /// Direction-dependent friction by link name. Directions are in link axes.
     pub grain: BTreeMap<String, Grain>,
-    /// The actuators of the joints, one for each. `None` and joints beyond the end of the list are ideal.
+    /// Actuator settings, one per joint. `None` is an ideal actuator, as are joints beyond the end of the
+    /// list.
     pub actuators: Vec<Option<ActuatorSettings>>,
-    /// The profile of a loaded robot, for controllers next to the simulation.
+    /// Profile of a loaded robot, for controllers that run alongside the simulation.
     pub profile: Option<Arc<Profile>>,
 }
 
@@ -60,8 +61,8 @@ impl From<Model> for RobotSetup {
 }
 
 impl RobotSetup {
-    /// Creates the setup of a loaded robot. The profile provides the rotors, which act on a floating base
-    /// only, and the friction of the feet.
+    /// Creates the setup of a loaded robot. The profile provides the friction of the feet and the rotors,
+    /// which act only on a floating base.
     ///
     /// # Errors
     ///
@@ -82,7 +83,7 @@ impl RobotSetup {
 
 /// An articulation: a kinematic tree with its own base.
 ///
-/// A robot is one articulation, and several robots with fixed bases may share one ([`Model::world`]). Each
+/// A robot is one articulation, but several robots with fixed bases may share one ([`Model::world`]). Each
 /// articulation owns a range of the vectors of a [`Simulator`](crate::Simulator).
 ///
 /// ```
@@ -115,27 +116,28 @@ pub struct Articulation {
 }
 
 impl Articulation {
-    /// Returns the model: links, joints, inertias and collision shapes.
+    /// Returns the model of the articulation: links, joints, inertias and collision shapes.
     pub fn model(&self) -> &Model {
         &self.model
     }
 
-    /// Returns the profile of a [loaded](RobotSetup::from_loaded) robot that has one.
+    /// Returns the profile, if the robot was [loaded](RobotSetup::from_loaded) with one.
     pub fn profile(&self) -> Option<&Profile> {
         self.profile.as_deref()
     }
 
-    /// Returns its range of the configuration.
+    /// Returns the articulation's range in the configuration vector.
     pub fn q(&self) -> Range<usize> {
         self.q.clone()
     }
 
-    /// Returns its range of the velocity.
+    /// Returns the articulation's range in the velocity vector.
     pub fn v(&self) -> Range<usize> {
         self.v.clone()
     }
 
-    /// Returns its range of the drives: commands, positions, velocities and efforts.
+    /// Returns the articulation's range in the vectors with one entry per drive: commands, positions,
+    /// velocities and efforts.
     pub fn drives(&self) -> Range<usize> {
         self.drives.clone()
     }
@@ -160,7 +162,7 @@ impl Articulation {
     }
 }
 
-/// Articulations, state and commands of a simulation; the part that all engines share.
+/// State, commands and articulations of a simulation, shared by all engines.
 pub struct Robot {
     pub(crate) articulations: Vec<Articulation>,
     /// One entry per independent joint.

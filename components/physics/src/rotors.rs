@@ -4,22 +4,22 @@ use motorium_robots::{FrameId, Model, Profile, Spin, UnknownFrame};
 
 use crate::JointSetpoint;
 
-/// A rotor that pulls along the z axis of its frame with the effort of its command \[N\], from zero to its
-/// limit.
+/// A rotor that applies thrust along the z axis of its frame. The effort of its command is the thrust \[N\],
+/// from zero to its limit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RotorDrive {
     /// Name of the drive.
     pub name: String,
-    /// Frame that the rotor pulls on.
+    /// Frame to which the thrust is applied.
     pub frame: FrameId,
-    /// Largest thrust \[N\].
+    /// Maximum thrust \[N\].
     pub max_thrust: f64,
-    /// Drag torque about z per unit of thrust \[m\], positive if it turns the robot counterclockwise.
+    /// Drag torque about z per unit of thrust \[m\], positive if it rotates the robot counterclockwise.
     pub torque_per_thrust: f64,
 }
 
 impl RotorDrive {
-    /// Returns the rotors of a profile in alphabetical order of their names.
+    /// Returns the rotors of a profile, sorted by name.
     ///
     /// # Errors
     ///

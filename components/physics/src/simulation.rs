@@ -11,23 +11,23 @@ use crate::{
     World,
 };
 
-/// An engine: the part of a [`Simulation`] that integrates the motion and resolves contacts.
+/// Interface of a physics engine: integrates the motion and resolves contacts for a [`Simulation`].
 ///
 /// The simulation owns the robot's state, commands and limits, the checks before and after a step, and the
-/// description of the world. An engine owns the objects of the world and its workspace.
+/// description of the world. The engine owns the objects of the world and its working memory.
 pub trait Engine: Sized {
-    /// All engine state that later steps depend on.
+    /// Engine state that affects later steps.
     type State: Send + Sync + 'static;
 
     /// Name of the engine in messages.
     const NAME: &'static str;
 
-    /// The abilities of the engine.
+    /// Optional features that the engine supports.
     const CAPABILITIES: Capabilities;
 
-    /// Builds the engine for `robot`, which has one articulation for each of `setups`, in `world`. The state
-    /// of the robot is not set yet: [`reset`](Self::reset) follows. Doubtful input that can still be
-    /// simulated is added to `warnings`.
+    /// Builds the engine for `robot`, which has one articulation for each of `setups`, in `world`. The
+    /// robot's state is not set yet; [`reset`](Self::reset) follows. Warnings about doubtful input are added
+    /// to `warnings`.
     ///
     /// # Errors
     ///
@@ -43,12 +43,12 @@ pub trait Engine: Sized {
     /// Returns the surfaces of all colliders.
     fn surfaces(&self) -> Vec<Surface>;
 
-    /// Applies these surfaces, one for each collider, the inertias and joints of `robot`, and the masses of
-    /// `world`. [`reset`](Self::reset) follows.
+    /// Applies the surfaces, one per collider, the inertias and joints of `robot`, and the masses of `world`.
+    /// [`reset`](Self::reset) follows.
     ///
     /// # Errors
     ///
-    /// [`ResetError::Refused`]; nothing has changed then.
+    /// [`ResetError::Refused`]; nothing is changed then.
     fn set_properties(
         &mut self,
         robot: &Robot,
@@ -61,17 +61,17 @@ pub trait Engine: Sized {
         Vec::new()
     }
 
-    /// Changes the settings of the existing actuators.
+    /// Changes the settings of the actuators.
     ///
     /// # Errors
     ///
-    /// [`ActuatorError`].
+    /// [`ActuatorError`] if a setting is out of range.
     fn set_actuators(&mut self, _: &[Vec<Option<ActuatorSettings>>]) -> Result<(), ActuatorError> {
         Ok(())
     }
 
-    /// Applies a force and a torque \[N, Nm, world axes\] at `point` \[m, link axes\] of a link during the
-    /// next step, in addition to those already applied.
+    /// Applies a force \[N, world axes\] and a torque \[Nm, world axes\] at `point` \[m, link axes\] of a
+    /// link during the next step, in addition to those already applied.
     fn apply_wrench(
         &mut self,
         robot: &Robot,
@@ -80,70 +80,70 @@ pub trait Engine: Sized {
         wrench: [Vector3<f64>; 2],
     );
 
-    /// Called after the first placement of an articulation that its drives moved before: from now on no force
+    /// Starts the placement of an articulation that was moved by its drives so far. From now on no force
     /// moves it. The robot is already in its placed state.
     fn begin_placement(&mut self, robot: &Robot, articulation: usize);
 
-    /// Returns a placed articulation to its drives, from the robot's current state.
+    /// Ends the placement of an articulation. Its drives move it again, from the robot's current state.
     fn end_placement(&mut self, robot: &Robot, articulation: usize);
 
     /// Starts from the robot's current state, with the objects at rest at their poses in the world.
     fn reset(&mut self, robot: &Robot, world: &World);
 
-    /// Excludes pairs of links that start too close from self-collision, and reports links that start inside
-    /// something. Objects may be at rest afterwards, even if they had a velocity.
+    /// Excludes pairs of links that start too close from self-collision, and adds warnings about links that
+    /// start inside something. May stop moving objects.
     fn exclude_start_overlaps(&mut self, robot: &Robot, warnings: &mut Vec<BuildWarning>);
 
-    /// Computes the next state of the robot and the objects, `dt` \[s\] after the current one.
+    /// Computes the state of the robot and the objects `dt` \[s\] after the current one.
     ///
     /// # Errors
     ///
-    /// [`StepError`]; [`discard`](Self::discard) follows.
+    /// [`StepError`], after which [`discard`](Self::discard) is called.
     fn advance(&mut self, robot: &mut Robot, dt: f64) -> Result<StepReport, StepError>;
 
-    /// Makes the next state of the objects the current one. `robot` is already in its state after the step of
-    /// `dt` \[s\].
+    /// Makes the computed state of the objects the current one. `robot` is already in its state after the
+    /// step of `dt` \[s\].
     fn commit(&mut self, robot: &Robot, dt: f64);
 
-    /// Drops the next state: the robot stays in its current state.
+    /// Discards the computed state. The robot keeps its current state.
     fn discard(&mut self);
 
-    /// Saves the state that later steps depend on, without the robot's.
+    /// Saves the engine state that affects later steps, without the robot's state.
     fn save(&self) -> Self::State;
 
-    /// Restores a saved state; the robot's state has already been restored. Returns `false` and changes
-    /// nothing if the state does not fit.
+    /// Restores a saved state. The robot's state has already been restored. Returns `false` and changes
+    /// nothing if the state belongs to another engine, robot or world.
     fn restore(&mut self, robot: &Robot, state: &Self::State) -> bool;
 
     /// Wakes all sleeping objects.
     fn wake(&mut self) {}
 
-    /// Returns the first surface along a ray in the current state of `robot`: see [`Simulator::cast_ray`].
+    /// Returns the first surface along a ray in the current state of `robot`. See [`Simulator::cast_ray`].
     fn cast_ray(&self, robot: &Robot, ray: (&Point3<f64>, &Unit<Vector3<f64>>, f64)) -> Option<RayHit<'_>>;
 
     /// Returns the index of the first object whose next state is not finite.
     fn diverged_object(&self) -> Option<usize>;
 
-    /// Returns the pose of object `index` of the world description in the world.
+    /// Returns the pose in the world of the object with this index in the world description.
     fn object_pose(&self, index: usize) -> Isometry3<f64>;
 
-    /// Moves object `index` to a pose, at rest.
+    /// Moves the object with this index to a pose in the world and stops it.
     fn set_object_pose(&mut self, index: usize, pose: &Isometry3<f64>);
 
-    /// Returns the velocity of object `index`: linear at its centre \[m/s\] and angular \[rad/s\], world
-    /// axes.
+    /// Returns the velocity of the object with this index: linear at its centre of mass \[m/s\] and angular
+    /// \[rad/s\], world axes.
     fn object_velocity(&self, index: usize) -> (Vector3<f64>, Vector3<f64>);
 
-    /// Sets the velocity of object `index` if it is movable: linear at its centre \[m/s\] and angular
-    /// \[rad/s\], world axes.
+    /// Sets the velocity of the object with this index if it is movable: linear at its centre of mass \[m/s\]
+    /// and angular \[rad/s\], world axes.
     fn set_object_velocity(&mut self, index: usize, linear: &Vector3<f64>, angular: &Vector3<f64>);
 
-    /// Connects two parts in their current poses: see [`Simulator::connect`]. A `lasting` connection survives
-    /// a reset.
+    /// Connects two parts in their current poses. See [`Simulator::connect`]. A `lasting` connection persists
+    /// across resets.
     ///
     /// # Errors
     ///
-    /// [`ConnectError`]; the default implementation reports that the engine does not support connections.
+    /// [`ConnectError`]. The default implementation returns [`ConnectError::Unable`].
     fn connect(&mut self, _: (&Robot, &World), _: &Connection, _lasting: bool) -> Result<(), ConnectError> {
         Err(ConnectError::Unable { engine: Self::NAME })
     }
@@ -153,16 +153,16 @@ pub trait Engine: Sized {
         false
     }
 
-    /// Passes every contact point of the last step to `visit`.
+    /// Calls `visit` with every contact point of the last step.
     fn visit_contacts(&self, visit: &mut dyn FnMut(&Contact<'_>));
 
-    /// Calls `visit` for each collider that a contact touched during the last step, of `dt` \[s\]. The
-    /// arguments are the collider's name, the contacts' impulse \[N s\] and its moment about the world origin
-    /// \[N m s\], friction included. A collider, or several colliders with one name, may be passed more than
-    /// once.
+    /// Calls `visit` with the impulse on each collider that a contact touched during the last step of `dt`
+    /// \[s\]. The arguments are the collider's name, the impulse of its contacts \[N s\] and the moment of
+    /// the impulse about the world origin \[N m s\], including friction. A collider, or several colliders
+    /// with one name, may be passed more than once.
     ///
-    /// By default the forces that [`visit_contacts`](Self::visit_contacts) passes act during the whole step.
-    /// An engine with several integration steps per step sums its impulses instead.
+    /// The default implementation assumes that the forces passed by [`visit_contacts`](Self::visit_contacts)
+    /// act during the whole step. Engines with several integration steps per step sum their impulses instead.
     #[expect(clippy::type_complexity, reason = "a visitor of three values")]
     fn visit_impulses(&self, dt: f64, visit: &mut dyn FnMut(&str, &Vector3<f64>, &Vector3<f64>)) {
         self.visit_contacts(&mut |contact| {
@@ -174,7 +174,7 @@ pub trait Engine: Sized {
     }
 }
 
-/// A robot in a world, moved by an engine `E`.
+/// A simulation of robots in a world with an engine `E`.
 ///
 /// Use it through its aliases [`ArticulatedSimulator`](crate::ArticulatedSimulator),
 /// [`RapierSimulator`](crate::RapierSimulator) and [`MujocoSimulator`](crate::MujocoSimulator), and the trait
@@ -192,7 +192,7 @@ impl<E: Engine> Simulation<E> {
     ///
     /// # Errors
     ///
-    /// [`BuildError`]. Doubtful input that can still be simulated is in [`warnings`](Simulator::warnings).
+    /// [`BuildError`]. Input that is doubtful but can be simulated causes [`warnings`](Simulator::warnings).
     pub fn new(
         robot: impl Into<RobotSetup>,
         world: World,
@@ -202,13 +202,13 @@ impl<E: Engine> Simulation<E> {
         Self::of_robots([robot.into()], world, q, options)
     }
 
-    /// Creates a simulation of several robots in `world`, one [`Articulation`] each, at rest at `q`, which
-    /// contains their configurations one after the other. Names of links and joints must differ
+    /// Creates a simulation of several robots in `world`, one [`Articulation`] each, at rest. `q` is their
+    /// configurations, one after the other. Names of links and joints must differ
     /// ([`Model::prefixed`](motorium_robots::Model::prefixed)).
     ///
     /// # Errors
     ///
-    /// [`BuildError`].
+    /// [`BuildError`]. Input that is doubtful but can be simulated causes [`warnings`](Simulator::warnings).
     pub fn of_robots(
         robots: impl IntoIterator<Item = RobotSetup>,
         world: World,
@@ -242,7 +242,7 @@ impl<E: Engine> Simulation<E> {
         Ok(simulation)
     }
 
-    /// Returns the settings.
+    /// Returns the engine settings.
     pub fn options(&self) -> &Options {
         &self.options
     }

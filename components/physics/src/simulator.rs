@@ -9,29 +9,29 @@ use crate::{
     Articulation, BuildWarning, Capabilities, ConnectError, Connection, JointSetpoint, ResetError, StepError,
 };
 
-/// An object of the world. Look it up once with [`Simulator::object`], outside the loop.
+/// Identifies an object of the world. Look it up once with [`Simulator::object`], outside the loop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct ObjectId(pub(crate) usize);
 
 impl ObjectId {
-    /// Returns the index in the `objects` of the [`World`](crate::World).
+    /// Returns the index of the object in the `objects` of the [`World`](crate::World).
     pub fn index(self) -> usize {
         self.0
     }
 }
 
-/// One contact point of two surfaces.
+/// A contact point between two surfaces.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Contact<'a> {
-    /// Robot link, object, `"ground"` or `"terrain"`.
+    /// Name of the first robot link or object, `"ground"` or `"terrain"`.
     pub first: &'a str,
-    /// Robot link, object, `"ground"` or `"terrain"`.
+    /// Name of the second robot link or object, `"ground"` or `"terrain"`.
     pub second: &'a str,
-    /// The point, in the world \[m\].
+    /// Position of the contact point in the world \[m\].
     pub point: Point3<f64>,
     /// Unit normal in the world, pointing from `first` to `second`.
     pub normal: Vector3<f64>,
-    /// Penetration depth of the surfaces \[m\]; not negative.
+    /// Penetration depth of the surfaces \[m\], from 0.
     pub depth: f64,
     /// Normal force during the last step \[N\].
     pub force: f64,
@@ -43,9 +43,9 @@ pub struct Contact<'a> {
 /// The first point hit by a ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RayHit<'a> {
-    /// Robot link, object, `"ground"` or `"terrain"`.
+    /// Name of the robot link or object that was hit, `"ground"` or `"terrain"`.
     pub name: &'a str,
-    /// Distance from the start of the ray \[m\].
+    /// Distance from the origin of the ray \[m\].
     pub distance: f64,
     /// Hit point in the world \[m\].
     pub point: Point3<f64>,
@@ -53,10 +53,9 @@ pub struct RayHit<'a> {
     pub normal: Vector3<f64>,
 }
 
-/// A state of a simulator that includes everything its next steps depend on, warm starts included.
+/// Snapshot of a simulator that includes everything that affects its next steps, warm starts included.
 ///
-/// [`Simulator::restore`] restores it bit for bit: the following steps are the same as those that followed
-/// [`Simulator::save`].
+/// [`Simulator::restore`] restores it bit for bit: the next steps equal those after [`Simulator::save`].
 pub struct SavedState(pub(crate) Box<dyn Any + Send + Sync>);
 
 impl core::fmt::Debug for SavedState {
@@ -65,28 +64,29 @@ impl core::fmt::Debug for SavedState {
     }
 }
 
-/// The saved state was made by another simulator.
+/// The saved state belongs to another engine, robot or world.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "the saved state belongs to another engine, robot or world; restore it into the simulator that made it or an equal one"
+    "the saved state belongs to another engine, robot or world; restore it into the simulator that saved it, or one built in the same way"
 )]
 pub struct ForeignState;
 
-/// Counts of a step: joints at their limits, and contacts.
+/// Counts of limits and contacts in a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct StepReport {
-    /// Joints whose effort was clamped at the limit.
+    /// Number of joints whose effort was clamped at the limit.
     pub saturated: usize,
-    /// Joints at a position limit.
+    /// Number of joints at a position limit.
     pub at_limit: usize,
-    /// Joints above their velocity limit. They are not slowed down, because nothing in the joint limits its
-    /// velocity.
+    /// Number of joints above their velocity limit. The limit is not enforced, because nothing in the joint
+    /// limits its velocity.
     pub overspeed: usize,
-    /// A contact was near enough to the robot for the contact solver to act on it. Always true with rapier.
+    /// `true` if a contact of a robot was close enough for the contact solver to act on it. Always true with
+    /// rapier.
     pub near_contact: bool,
 }
 
-/// One or several simulated robots in a world.
+/// Interface of a simulation of one or more robots in a world, independent of the engine.
 ///
 /// Vectors have one entry per drive: the independent joints of the robot, in the order of
 /// [`motorium_robots::Model::joint_names`], then its rotors, if any. The entries of several
@@ -123,10 +123,11 @@ pub struct StepReport {
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub trait Simulator {
-    /// Returns the articulations: one, or several robots of which at least one has a floating base.
+    /// Returns the articulations. There are several if several robots are simulated and at least one has a
+    /// floating base.
     fn articulations(&self) -> &[Articulation];
 
-    /// Returns the robot's model, which is the model of the first articulation.
+    /// Returns the model of the first articulation.
     fn model(&self) -> &Model {
         self.articulations()[0].model()
     }
@@ -134,59 +135,60 @@ pub trait Simulator {
     /// Returns warnings about the model or the world, in the order of detection. They are not printed.
     fn warnings(&self) -> &[BuildWarning];
 
-    /// Returns the whole configuration (nq), a floating base first, as in [`motorium_robots`].
+    /// Returns the configuration of all articulations (nq). A floating base comes first, as in
+    /// [`motorium_robots`].
     fn configuration(&self) -> &[f64];
 
-    /// Returns the whole velocity (nv).
+    /// Returns the velocity of all articulations (nv).
     fn velocity(&self) -> &[f64];
 
     /// Returns the names of the drives: joints, then rotors.
     fn joint_names(&self) -> &[String];
 
-    /// Returns the positions q \[rad or m\].
+    /// Returns the positions q of the drives \[rad or m\].
     fn positions(&self) -> &[f64];
 
-    /// Returns the velocities v \[rad/s or m/s\].
+    /// Returns the velocities v of the drives \[rad/s or m/s\].
     fn velocities(&self) -> &[f64];
 
     /// Returns the efforts tau that the drives applied during the last step, after clamping \[Nm or N\].
-    /// Joint friction, damping and limit stops are not included. With substeps, the efforts of the last
-    /// substep.
+    /// Joint friction, damping and limit stops are not included. With substeps, these are the efforts of the
+    /// last substep.
     fn efforts(&self) -> &[f64];
 
-    /// Returns the commands, one per drive; they persist until changed.
+    /// Returns the commands for modification, one per drive. Commands persist until changed.
     fn commands_mut(&mut self) -> &mut [JointSetpoint];
 
-    /// Advances robot and objects by `dt` \[s\].
+    /// Advances robots and objects by `dt` \[s\].
     ///
     /// # Errors
     ///
-    /// [`StepError`]; the robot then keeps its state from before the step. The state never contains NaN.
+    /// [`StepError`]; the simulation then keeps its state from before the step. The state never contains NaN.
     fn step(&mut self, dt: f64) -> Result<StepReport, StepError>;
 
-    /// Resets the robot to `q` (nq) and `v` (nv), and the objects to the poses and velocities of the world
-    /// description. Commands become zero efforts, and no articulation is [placed](Self::place_at) any more.
+    /// Resets the robots to `q` (nq) and `v` (nv), and the objects to the poses and velocities of the world
+    /// description. All commands become zero efforts, and all [placements](Self::place_at) end.
     ///
     /// # Errors
     ///
-    /// [`ResetError`]; nothing has changed then.
+    /// [`ResetError`]; nothing is changed then.
     fn reset(&mut self, q: &[f64], v: &[f64]) -> Result<(), ResetError>;
 
-    /// Places one articulation at `q` and `v` (its nq and nv). Objects and other articulations continue their
-    /// motion. To them it is a body that moves with `v` and that nothing deflects.
+    /// Places one articulation at configuration `q` and velocity `v` (its nq and nv). Objects and other
+    /// articulations continue their motion, and see a body that moves with `v` and that nothing deflects.
     ///
     /// The articulation stays placed until [`release`](Self::release) or a [reset](Self::reset): forces,
-    /// commands, limits and contacts do not move it. During each step its links move to `q` from the end of
-    /// the last step, and after the step its state is exactly `q` and `v`. To move it, place it before every
-    /// step. Place a robot that stops with a velocity of zero. Its drives have no effort.
+    /// commands, limits and contacts do not move it. During each step its links move from their pose at the
+    /// end of the last step to `q`; after the step its state is exactly `q` and `v`. To move it, place it
+    /// before every step. To stop it, place it with zero velocity. Its drives have no effort.
     ///
-    /// After a discontinuity, or in a step without another placement, `v` may differ from the mean velocity
-    /// of the step. If it differs by more than half of its norm, the links arrive at `q` along `v` instead,
-    /// so that a discontinuity does not throw objects away.
+    /// After a discontinuity, or in a step without a new placement, `v` may differ from the mean velocity of
+    /// the step. If it differs by more than half of its norm, the links arrive at `q` along `v` instead, so
+    /// that the discontinuity does not throw objects away.
     ///
     /// # Errors
     ///
-    /// [`ResetError`]; nothing has changed then.
+    /// [`ResetError`]; nothing is changed then.
     ///
     /// # Panics
     ///
@@ -221,37 +223,37 @@ pub trait Simulator {
     /// ```
     fn place_at(&mut self, articulation: usize, q: &[f64], v: &[f64]) -> Result<(), ResetError>;
 
-    /// Returns a placed articulation to its drives, which continue from its state with commands of zero
-    /// effort. No effect on an articulation that is not placed.
+    /// Returns a placed articulation to its drives. They continue from its current state with commands of
+    /// zero effort. No effect on an articulation that is not placed.
     ///
     /// # Panics
     ///
     /// If there is no articulation with this index.
     fn release(&mut self, articulation: usize);
 
-    /// Returns the abilities of this engine.
+    /// Returns the optional features that the engine supports.
     fn capabilities(&self) -> Capabilities;
 
-    /// Saves the whole state, including everything the next steps depend on. Allocates.
+    /// Saves the whole state, including everything that affects the next steps. Allocates.
     fn save(&self) -> SavedState;
 
     /// Restores a saved state, commands and gravity included. May allocate.
     ///
     /// # Errors
     ///
-    /// [`ForeignState`] if the state was saved by a simulator of another engine, robot or world; nothing has
+    /// [`ForeignState`] if the state was saved by a simulator of another engine, robot or world; nothing is
     /// changed then.
     fn restore(&mut self, state: &SavedState) -> Result<(), ForeignState>;
 
     /// Applies `force` \[N\] and `torque` \[Nm\], both in world axes, at `point` \[m, link axes\] of a link
-    /// during the next step, in addition to wrenches already applied. A link that is fixed to the world does
-    /// not move.
+    /// of the first articulation during the next step. Wrenches add up. A link that is fixed to the world
+    /// does not move.
     fn apply_wrench(&mut self, link: FrameId, point: Point3<f64>, force: Vector3<f64>, torque: Vector3<f64>) {
         self.apply_wrench_to((0, link), point, force, torque);
     }
 
-    /// Applies a wrench to a link of the articulation with this index, as
-    /// [`apply_wrench`](Self::apply_wrench) does.
+    /// Applies a wrench to a link of the articulation with this index. See
+    /// [`apply_wrench`](Self::apply_wrench).
     fn apply_wrench_to(
         &mut self,
         link: (usize, FrameId),
@@ -260,8 +262,8 @@ pub trait Simulator {
         torque: Vector3<f64>,
     );
 
-    /// Returns the first surface of the robot, an object or the ground within `range` \[m\] along a ray from
-    /// `origin` in `direction` (of any length). A ray that starts inside a collider does not hit that
+    /// Returns the first surface of a robot, an object or the ground within `range` \[m\] along a ray from
+    /// `origin` in `direction` (of any nonzero length). A ray that starts inside a collider does not hit that
     /// collider.
     fn cast_ray(&self, origin: Point3<f64>, direction: Vector3<f64>, range: f64) -> Option<RayHit<'_>>;
 
@@ -287,16 +289,17 @@ pub trait Simulator {
     /// Returns the pose in the world of a link of the articulation with this index.
     fn frame_pose_of(&self, frame: (usize, FrameId)) -> Isometry3<f64>;
 
-    /// Returns the object with this name.
+    /// Returns the object with this name, or `None` if there is no such object.
     fn object(&self, name: &str) -> Option<ObjectId>;
 
     /// Returns the pose of an object in the world.
     fn object_pose(&self, object: ObjectId) -> Isometry3<f64>;
 
-    /// Moves an object to a pose, at rest. Fixed objects can be moved, too.
+    /// Moves an object to a pose in the world and stops it. Fixed objects can be moved as well.
     fn set_object_pose(&mut self, object: ObjectId, pose: Isometry3<f64>);
 
-    /// Returns the velocity of an object: linear at its centre \[m/s\] and angular \[rad/s\], world axes.
+    /// Returns the velocity of an object: linear at its centre of mass \[m/s\] and angular \[rad/s\], world
+    /// axes.
     fn object_velocity(&self, object: ObjectId) -> (Vector3<f64>, Vector3<f64>);
 
     /// Sets the velocity of a movable object: linear at its centre of mass \[m/s\] and angular \[rad/s\],
@@ -309,7 +312,7 @@ pub trait Simulator {
     ///
     /// # Errors
     ///
-    /// [`ConnectError`]; only `physics.articulated` supports connections.
+    /// [`ConnectError`]. Only `physics.articulated` supports connections.
     ///
     /// # Example
     ///
@@ -341,16 +344,17 @@ pub trait Simulator {
     ///
     /// # Errors
     ///
-    /// [`ConnectError`].
+    /// [`ConnectError`]. Only `physics.articulated` supports connections.
     fn attach(&mut self, first: &str, second: &str) -> Result<(), ConnectError>;
 
     /// Removes all connections between two parts. Returns `false` if they have none.
     fn detach(&mut self, first: &str, second: &str) -> bool;
 
-    /// Passes every contact point of the last step to `visit`.
+    /// Calls `visit` with every contact point of the last step.
     fn visit_contacts(&self, visit: &mut dyn FnMut(&Contact<'_>));
 
-    /// Returns `true` if the two parts (robot link, object, or `"ground"`) touched in the last step.
+    /// Returns `true` if the two parts (robot link, object, `"ground"` or `"terrain"`) touched in the last
+    /// step.
     fn touching(&self, first: &str, second: &str) -> bool {
         let mut found = false;
         self.visit_contacts(&mut |contact| {

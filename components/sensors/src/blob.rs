@@ -7,10 +7,11 @@ use nalgebra::{Unit, Vector3};
 use crate::channel::SettingError;
 use crate::pinhole::Pinhole;
 
-/// A hue, which selects pixels by the direction of their levels in colour space, at any brightness.
+/// A range of colours by hue, regardless of brightness. It selects pixels by the direction of their levels in
+/// colour space.
 ///
 /// Under white light the levels of a matt surface are its colour times a scalar. Light and shadow therefore
-/// do not change the angle between levels and colour.
+/// do not change the angle between the levels and the colour.
 ///
 /// ```
 /// use motorium_sensors::blob::Hue;
@@ -30,8 +31,9 @@ pub struct Hue {
 }
 
 impl Hue {
-    /// Creates a hue from a colour. It selects pixels whose levels differ from the colour's direction by at
-    /// most `tolerance` \[rad\] and whose brightest channel is at least `least`, 0 to 255.
+    /// Creates a hue from a colour: red, green and blue, 0 to 1. It selects pixels whose levels differ from
+    /// the colour's direction by at most `tolerance` \[rad\] and whose brightest channel is at least `least`,
+    /// 0 to 255.
     ///
     /// # Errors
     /// [`SettingError`] if the colour is black or a number is out of range.
@@ -59,13 +61,13 @@ impl Hue {
     }
 }
 
-/// The pixels of one hue in an image.
+/// The pixels of one hue in an image, treated as one object.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Blob {
     /// Number of pixels.
     pub pixels: u32,
-    /// Direction of the centre in camera axes: the mean direction weighted by solid angle. For a sphere it
-    /// points at its centre.
+    /// Direction of the object's centre in camera axes: the mean pixel direction weighted by solid angle. For
+    /// a sphere it points at the centre.
     pub direction: Unit<Vector3<f64>>,
     /// Solid angle covered by the pixels \[sr\].
     pub solid_angle: f64,
@@ -75,7 +77,7 @@ pub struct Blob {
 
 impl Blob {
     /// Finds the pixels of a hue in an RGB image; `None` if there are fewer than `least`. `stride` is the
-    /// number of bytes per row. Missing rows count as empty.
+    /// number of bytes per row. Rows beyond the end of `picture` count as empty.
     ///
     /// ```
     /// use motorium_sensors::{blob::{Blob, Hue}, pinhole::Pinhole};
@@ -112,7 +114,7 @@ impl Blob {
         Some(Self { pixels, direction: Unit::new_normalize(sum), solid_angle, on_edge })
     }
 
-    /// Returns the distance \[m\] of the centre of a sphere of `radius` \[m\] that fills the solid angle:
+    /// Returns the distance \[m\] to the centre of a sphere of `radius` \[m\] that covers the solid angle:
     /// `radius / sin a` with `solid_angle = 2 pi (1 - cos a)`.
     pub fn distance_of_sphere(&self, radius: f64) -> f64 {
         let cos = (1.0 - self.solid_angle / TAU).max(0.0);
@@ -120,10 +122,10 @@ impl Blob {
     }
 }
 
-/// A fixed-gain filter for the position and velocity of a point with constant velocity (alpha-beta filter,
-/// critically damped).
+/// An alpha-beta filter: estimates the position and velocity of a point that moves at constant velocity, with
+/// fixed gains, critically damped.
 ///
-/// `s` is the smoothing and `r` the error of the predicted position. A measurement after a time `dt` adds
+/// With the smoothing `s` and the error `r` of the predicted position, a measurement after a time `dt` adds
 /// `(1 - s^2) r` to the position and `(1 - s)^2 r / dt` to the velocity.
 ///
 /// ```
@@ -145,13 +147,13 @@ pub struct PointFilter {
 }
 
 impl PointFilter {
-    /// Creates an empty filter. `smoothing` is 0 (no filtering) to below 1.
+    /// Creates an empty filter. `smoothing` ranges from 0 (no filtering) to below 1.
     pub fn new(smoothing: f64) -> Self {
         Self { smoothing, state: None }
     }
 
-    /// Adds a position \[m\] measured at a time \[ns\]. After a gap of more than `longest` \[s\] the filter
-    /// restarts at rest.
+    /// Updates the filter with a position \[m\] measured at a time \[ns\]. After a gap of more than `longest`
+    /// \[s\] the filter restarts with zero velocity.
     pub fn correct(&mut self, time_ns: u64, measured: &Vector3<f64>, longest: f64) {
         let since = self.state.map(|(last, ..)| time_ns.saturating_sub(last) as f64 * 1e-9);
         let predicted = self.predict(time_ns).zip(since.filter(|dt| *dt > 0.0 && *dt <= longest));

@@ -6,16 +6,16 @@ use serde::{Deserialize, Serialize};
 
 use crate::noise::Noise;
 
-/// Errors of a sensor of one quantity, the same for each axis, in the unit of the quantity. The default is an
-/// ideal sensor.
+/// Error model of a sensor of one quantity. Values are in the unit of the quantity and the same for each
+/// axis. The default is an ideal sensor.
 ///
 /// ```text
 /// y = clamp(resolution * round(((1 + s) x + b(t) + n) / resolution), -range, range)
 /// ```
 ///
-/// with noise `n` of deviation `noise` in each reading; a scale error `s` and a bias `b(0)` that are sampled
-/// once, with the deviations `scale_error` and `bias`; and a random walk of the bias,
-/// `db = bias_walk sqrt(dt) n`.
+/// Here `n` is standard normal noise times `noise`, sampled for each reading. The scale error `s` and the
+/// bias `b(0)` are sampled once, with the standard deviations `scale_error` and `bias`. The bias then follows
+/// a random walk, `db = bias_walk sqrt(dt) n`, with standard normal `n`.
 ///
 /// ```toml
 /// noise     = 0.02
@@ -26,8 +26,8 @@ use crate::noise::Noise;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ErrorModel {
-    /// Standard deviation of each reading. Equals a data sheet's noise density multiplied by the square root
-    /// of the rate. Default 0.
+    /// Standard deviation of the noise of each reading. Equals a data sheet's noise density multiplied by the
+    /// square root of the rate. Default 0.
     #[schemars(range(min = 0.0))]
     pub noise: f64,
     /// Standard deviation of the bias at the start. Default 0.
@@ -39,23 +39,23 @@ pub struct ErrorModel {
     /// Standard deviation of the scale error, as a fraction of the reading. Default 0.
     #[schemars(range(min = 0.0))]
     pub scale_error: f64,
-    /// Step of the readings; 0 for continuous ones, the default.
+    /// Increment to which readings are rounded. Default 0: no rounding.
     #[schemars(range(min = 0.0))]
     pub resolution: f64,
-    /// Largest magnitude of a reading. Default: unlimited.
+    /// Maximum magnitude of a reading, at which it saturates. Default: unlimited.
     #[schemars(range(min = 0.0))]
     pub range: Option<f64>,
 }
 
-/// A sensor setting is invalid.
+/// The value of a sensor setting is out of range.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("{setting} = {value}: expected {expected}")]
 pub struct SettingError {
-    /// The setting.
+    /// Name of the setting.
     pub setting: String,
     /// The value found.
     pub value: f64,
-    /// The valid values.
+    /// Valid values, as a phrase.
     pub expected: &'static str,
 }
 
@@ -69,7 +69,7 @@ impl SettingError {
 /// Timing of readings, common to all sensors.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Timing {
-    /// Time from sampling until the reading is available.
+    /// Delay from sampling until the reading is available.
     pub latency: TimeSpan,
     /// Fraction of the readings that are lost, 0 to 1.
     pub drop_out: f64,
@@ -84,17 +84,17 @@ impl Timing {
     /// Checks that `drop_out` is from 0 to 1.
     ///
     /// # Errors
-    /// [`SettingError`].
+    /// [`SettingError`] if it is out of range.
     pub fn check(&self) -> Result<(), SettingError> {
         if (0.0..=1.0).contains(&self.drop_out) {
             Ok(())
         } else {
-            Err(SettingError::new("drop_out", self.drop_out, "a share from 0 to 1"))
+            Err(SettingError::new("drop_out", self.drop_out, "a fraction from 0 to 1"))
         }
     }
 }
 
-/// A sensor of one quantity with several axes: its sampled errors and its noise.
+/// A sensor of one quantity with one or more axes: adds sampled errors and noise to true values.
 ///
 /// ```
 /// use motorium_sensors::channel::{Channel, ErrorModel};
@@ -117,8 +117,9 @@ pub struct Channel {
 }
 
 impl Channel {
-    /// Creates a sensor with `axes` axes. `name` is the name of the setting in errors. `seed` and `number`
-    /// select the noise, which is independent for each channel of a seed.
+    /// Creates a sensor with `axes` axes and the same errors on all axes. `name` is the name of the setting
+    /// in error messages. `seed` and `number` select the noise, which is independent for each channel of a
+    /// seed.
     ///
     /// # Errors
     /// [`SettingError`] if a number is negative or not finite.
@@ -133,8 +134,8 @@ impl Channel {
         Self::from_parts(name, vec![*errors], axes, seed, [first, first + 1, first + 2, first + 3])
     }
 
-    /// Creates a sensor whose axes have separate errors. `streams` are the numbers of the seed's noise
-    /// streams from which bias, scale, readings and walk are sampled.
+    /// Creates a sensor with separate errors for each axis. Bias, scale, readings and bias walk are sampled
+    /// from the noise streams of the seed with these four numbers.
     ///
     /// # Errors
     /// [`SettingError`] if a number is negative or not finite.
@@ -180,10 +181,10 @@ impl Channel {
         Ok(Self { noise: Noise::new(seed, noise), walk: Noise::new(seed, walk), bias, scale, errors })
     }
 
-    /// Converts the true values, one per axis, to a reading. `dt` \[s\] is the time since the last reading.
+    /// Replaces the true values, one per axis, by a reading. `dt` \[s\] is the time since the last reading.
     ///
     /// # Panics
-    /// If the number of axes differs.
+    /// If the number of values differs from the number of axes.
     pub fn measure(&mut self, dt: f64, values: &mut [f64]) {
         assert_eq!(values.len(), self.bias.len(), "axes of the channel");
         let errors = std::mem::take(&mut self.errors);

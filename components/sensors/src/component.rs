@@ -33,8 +33,8 @@ pub use robot::Mount;
 ///
 /// Each joint state is sampled once, at the first tick that sees it. The reading is published once, at the
 /// first tick after its latency, with the source time of the sampled state. When joint states stop arriving,
-/// so do readings. Velocities are differentiated over the run time of the states, which does not jitter with
-/// their publication.
+/// readings stop as well. Differentiated velocities use the run time of the states, which is free of
+/// publication jitter.
 #[derive(Debug)]
 pub struct JointEncoder {
     state: Input<JointState>,
@@ -69,7 +69,7 @@ impl Component for JointEncoder {
                 .warn(format!("a latency of {} is shorter than the period", config.latency))
                 .key("latency")
                 .advise(format!(
-                    "readings are published in steps, {period} late: set this latency, or raise the rate"
+                    "readings are published once per step, {period} late; set this latency, or raise the rate"
                 ));
         }
         declare.input::<JointState>("joint_state", "true joint state");
@@ -166,7 +166,7 @@ fn joints(robot: &RobotReference) -> Result<usize, ConfigError> {
     let joints = loaded.model.joint_count() + rotors;
     if joints > MAX_JOINTS {
         return Err(ConfigError::new(format!(
-            "robot `{}` has {joints} joints, at most {MAX_JOINTS} fit",
+            "robot `{}` has {joints} joints, expected at most {MAX_JOINTS}",
             robot.name
         )));
     }

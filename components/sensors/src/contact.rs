@@ -2,9 +2,10 @@
 
 use crate::channel::{Channel, ErrorModel, SettingError};
 
-/// Contact sensors of a robot's feet: a force with errors, followed by a switch with hysteresis.
+/// Contact sensors of a robot's feet: each measures a force with errors, from which a switch with hysteresis
+/// derives contact.
 ///
-/// Contact starts with the reading in which the force reaches `on` and ends with the reading in which it
+/// Contact starts with the reading at which the force reaches `on` and ends with the reading at which it
 /// falls below `off`.
 ///
 /// ```
@@ -30,7 +31,8 @@ pub struct ContactModel {
 }
 
 impl ContactModel {
-    /// Creates sensors for `feet` feet that switch at the forces `(on, off)` \[N\].
+    /// Creates sensors for `feet` feet. `on` and `off` \[N\] are the thresholds at which contact starts and
+    /// ends.
     ///
     /// # Errors
     /// [`SettingError`] if a number is out of range or `off` exceeds `on`.
@@ -49,7 +51,8 @@ impl ContactModel {
         Ok(Self { force: Channel::new("force", force, feet, seed, 0)?, on, off, contacts: vec![false; feet] })
     }
 
-    /// Converts the true forces \[N\], one per foot, to readings, and updates the switches.
+    /// Replaces the true forces \[N\], one per foot, by readings, and updates the switches. `dt` \[s\] is the
+    /// time since the last reading.
     pub fn measure(&mut self, dt: f64, forces: &mut [f64]) {
         self.force.measure(dt, forces);
         for (contact, force) in self.contacts.iter_mut().zip(forces) {
@@ -58,7 +61,7 @@ impl ContactModel {
         }
     }
 
-    /// Returns `true` for each foot in contact.
+    /// Returns `true` for each foot in contact, in the order of the feet.
     pub fn contacts(&self) -> &[bool] {
         &self.contacts
     }

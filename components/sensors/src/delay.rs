@@ -1,10 +1,10 @@
 //! Delay of readings by their latency.
 
-/// A delay line based on time stamps. A frame of values sampled at `t` becomes readable at `t + latency`, to
-/// the nanosecond.
+/// A delay line for time-stamped frames of values. A frame sampled at `t` becomes readable at `t + latency`,
+/// exact to the nanosecond.
 ///
-/// If several frames become due between two reads, only the newest is read. Memory for all frames in flight
-/// is allocated at construction.
+/// If several frames become due between two reads, only the newest is returned. Memory for all frames in
+/// flight is allocated at construction.
 #[derive(Clone, Debug)]
 pub struct DelayLine {
     latency: u64,
@@ -20,7 +20,8 @@ pub struct DelayLine {
 }
 
 impl DelayLine {
-    /// Creates a line for frames of `width` values that arrive at least `shortest_period` nanoseconds apart.
+    /// Creates a line for frames of `width` values that arrive at least `shortest_period` \[ns\] apart and
+    /// are delayed by `latency_ns` \[ns\].
     ///
     /// If frames arrive faster, the oldest ones are discarded and counted by [`lost`](Self::lost).
     pub fn new(latency_ns: u64, width: usize, shortest_period: u64) -> Self {
@@ -39,13 +40,13 @@ impl DelayLine {
         }
     }
 
-    /// Returns the number of frames that fit.
+    /// Returns the maximum number of frames in flight.
     pub fn capacity(&self) -> usize {
         self.times.len()
     }
 
-    /// Returns the number of frames discarded before they were due, because frames arrived faster than
-    /// announced.
+    /// Returns the number of frames discarded before they were due because frames arrived closer together
+    /// than `shortest_period`.
     pub fn lost(&self) -> u64 {
         self.lost
     }
@@ -55,8 +56,8 @@ impl DelayLine {
         self.count = 0;
     }
 
-    /// Adds the frame of a time and returns the slice to write it to. A time before the last frame means that
-    /// the clock restarted, and clears the line.
+    /// Adds a frame sampled at `time` \[ns\] and returns its slice, which the caller fills. A time earlier
+    /// than the last frame's means that the clock restarted, and clears the line.
     pub fn push(&mut self, time: u64) -> &mut [f64] {
         self.push_noted(time, 0)
     }
@@ -78,12 +79,13 @@ impl DelayLine {
         &mut self.values[slot * self.width..(slot + 1) * self.width]
     }
 
-    /// Returns the newest frame that is due, with its time. It stays readable until the next one is due.
+    /// Returns the newest frame that is due at `now` \[ns\], with its sampling time \[ns\]. It stays readable
+    /// until the next frame is due. `None` before the first.
     pub fn read(&mut self, now: u64) -> Option<(u64, &[f64])> {
         self.read_noted(now).map(|(time, _, values)| (time, values))
     }
 
-    /// Like [`read`](Self::read), and returns the note of the frame; 0 if it was pushed without one.
+    /// Like [`read`](Self::read), but also returns the note of the frame; 0 if it was pushed without one.
     pub fn read_noted(&mut self, now: u64) -> Option<(u64, u64, &[f64])> {
         while self.count > 1 && self.is_due(1, now) {
             self.drop_oldest();

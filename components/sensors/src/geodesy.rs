@@ -23,7 +23,8 @@ pub struct Geodetic {
 }
 
 impl Geodetic {
-    /// Returns the position in earth-fixed axes \[m\]: x to latitude and longitude 0, z to the north pole.
+    /// Returns the position in earth-centred, earth-fixed axes \[m\]: x points to latitude and longitude 0, z
+    /// to the north pole.
     ///
     /// ```
     /// use motorium_sensors::geodesy::Geodetic;
@@ -39,9 +40,9 @@ impl Geodetic {
         Vector3::new(across * cos_l, across * sin_l, (radius * (1.0 - ECCENTRICITY) + self.altitude) * sin)
     }
 
-    /// Returns the geodetic coordinates of a position in earth-fixed axes \[m\], by Bowring's method (*Survey
-    /// Review* 23, 1976). One iteration is exact to micrometres from sea level to satellites. The two
-    /// iterations used here are exact up to rounding.
+    /// Returns the geodetic coordinates of a position in earth-centred, earth-fixed axes \[m\]. Bowring's
+    /// method (*Survey Review* 23, 1976) is exact to micrometres from sea level to satellites after one
+    /// iteration. The two iterations used here are exact up to rounding.
     pub fn of_earth_fixed(place: &Vector3<f64>) -> Self {
         let minor = MAJOR * (1.0 - FLATTENING);
         let second = ECCENTRICITY / (1.0 - ECCENTRICITY);
@@ -62,7 +63,7 @@ impl Geodetic {
     }
 }
 
-/// A plane tangent to the earth: x to the east, y to the north, z up.
+/// A plane tangent to the earth: x points east, y north, z up.
 ///
 /// ```
 /// use motorium_sensors::geodesy::{Geodetic, TangentPlane};
@@ -81,7 +82,7 @@ pub struct TangentPlane {
 }
 
 impl TangentPlane {
-    /// Returns the plane that is tangent at a position.
+    /// Creates the plane that touches the earth at a position, its origin.
     pub fn tangent_at(place: &Geodetic) -> Self {
         let ((sin, cos), (sin_l, cos_l)) =
             (place.latitude.to_radians().sin_cos(), place.longitude.to_radians().sin_cos());
@@ -91,12 +92,12 @@ impl TangentPlane {
         Self { origin: place.earth_fixed(), axes: Matrix3::from_columns(&[east, north, up]) }
     }
 
-    /// Returns the geodetic coordinates of a position in the axes of the plane \[m\].
+    /// Converts a position in the axes of the plane \[m\] to geodetic coordinates.
     pub fn geodetic(&self, place: &Vector3<f64>) -> Geodetic {
         Geodetic::of_earth_fixed(&(self.origin + self.axes * place))
     }
 
-    /// Returns a position in the axes of the plane \[m\].
+    /// Converts geodetic coordinates to a position in the axes of the plane \[m\].
     pub fn local(&self, place: &Geodetic) -> Vector3<f64> {
         self.axes.tr_mul(&(place.earth_fixed() - self.origin))
     }

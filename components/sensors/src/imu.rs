@@ -23,7 +23,8 @@ pub struct ImuReading {
     pub angular_velocity: Vector3<f64>,
 }
 
-/// An inertial measurement unit that integrates between its readings, as units with digital output do.
+/// Model of an inertial measurement unit that integrates between its readings, as units with digital output
+/// do.
 ///
 /// Between two samples at `t` and `t + dt`, with the orientation `R` and the velocity `v` of the sensor in
 /// the world and the gravitational acceleration `g`,
@@ -32,8 +33,8 @@ pub struct ImuReading {
 /// omega = log(R(t)' R(t + dt)) / dt        f = R(t + dt/2)' ((v(t + dt) - v(t)) / dt - g)
 /// ```
 ///
-/// are the mean angular velocity and the mean specific force of the interval, in the sensor's axes in the
-/// middle of it; the errors of each are added. The first sample gives no reading.
+/// are the mean angular velocity and mean specific force over the interval, in the sensor's axes at the
+/// middle of the interval. Sensor errors are added to both. The first sample gives no reading.
 ///
 /// ```
 /// use motorium_sensors::channel::ErrorModel;
@@ -57,7 +58,7 @@ pub struct ImuModel {
 }
 
 impl ImuModel {
-    /// Creates a unit under the gravitational acceleration `gravity` \[m/s2\] in the world.
+    /// Creates a model under the gravitational acceleration `gravity` \[m/s2\] in the world.
     ///
     /// # Errors
     /// [`SettingError`] if a setting of `gyroscope` or `accelerometer` is invalid.
@@ -80,8 +81,9 @@ impl ImuModel {
         self.gravity = gravity;
     }
 
-    /// Returns the reading for the interval since the last sample. `None` for the first sample and for a time
-    /// that is not after the last one, which restarts the motion.
+    /// Samples the motion at a time \[ns\] and returns the reading for the interval since the last sample.
+    /// Returns `None` for the first sample, and for a time that is not after the last one, which restarts the
+    /// motion.
     pub fn sample(&mut self, time_ns: u64, motion: &SensorMotion) -> Option<ImuReading> {
         let (since, before) = self.last.replace((time_ns, *motion))?;
         let dt = time_ns.checked_sub(since).filter(|ns| *ns > 0)? as f64 * 1e-9;
@@ -95,7 +97,7 @@ impl ImuModel {
         Some(ImuReading { specific_force: force, angular_velocity: rate })
     }
 
-    /// Returns the current biases of gyroscope and accelerometer.
+    /// Returns the current biases of gyroscope \[rad/s\] and accelerometer \[m/s2\], per axis.
     pub fn biases(&self) -> (Vector3<f64>, Vector3<f64>) {
         let bias = |channel: &Channel| Vector3::from_column_slice(channel.bias());
         (bias(&self.gyroscope), bias(&self.accelerometer))

@@ -11,7 +11,7 @@
 //! - [`randomise`]: parameters sampled for every episode.
 //! - [`delay`]: delay of readings by their latency.
 //! - [`noise`]: reproducible Gaussian noise.
-//! - [`estimation`]: filters, the base of a legged robot.
+//! - [`estimation`]: signal filters and state estimators, such as for the base of a legged robot.
 //! - [`component`]: the sensors as components of a graph: `sensor.joint_encoder`, `sensor.joint_torque`,
 //!   `sensor.force_torque`, `sensor.imu`, `sensor.contact`, `sensor.altimeter`, `sensor.magnetometer`,
 //!   `sensor.gps`, `sensor.ray`, `sensor.lidar`, `sensor.height_scan`, `sensor.depth_camera`,
@@ -20,7 +20,7 @@
 //! - [`component::estimator`]: `estimator.base`, the state of a legged base.
 //! - [`component::merge`]: `joint.merge`, joint state of a robot from several publishers.
 //!
-//! The models depend only on the runtime's unit of time, and only construction allocates.
+//! The models depend on the runtime only for its unit of time, and only construction allocates.
 //!
 //! ```
 //! use std::time::Duration;

@@ -14,6 +14,7 @@ pub struct WorldWrench {
 
 impl WorldWrench {
     /// Returns the force \[N\] and the torque \[Nm\] about the origin of a frame, in the axes of that frame.
+    /// `frame` is its pose in the world.
     pub fn seen_from(&self, frame: &Isometry3<f64>) -> (Vector3<f64>, Vector3<f64>) {
         let torque = self.torque - frame.translation.vector.cross(&self.force);
         let inverse = frame.rotation.inverse();
@@ -24,7 +25,7 @@ impl WorldWrench {
 /// An external force on a link.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OutsideForce {
-    /// The link, by its index among the frames of the model.
+    /// Index of the link among the frames of the model.
     pub link: usize,
     /// Point of application in the world \[m\].
     pub point: Point3<f64>,
@@ -35,7 +36,7 @@ pub struct OutsideForce {
 /// An external wrench on a link.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OutsideWrench {
-    /// The link, by its index among the frames of the model.
+    /// Index of the link among the frames of the model.
     pub link: usize,
     /// Wrench on the link.
     pub wrench: WorldWrench,
@@ -47,10 +48,10 @@ impl From<OutsideForce> for OutsideWrench {
     }
 }
 
-/// Wrenches between the links of a robot, averaged between two samples of its motion.
+/// Computes the wrenches between the links of a robot, averaged between two samples of its motion.
 ///
 /// A link and everything it carries have the total momentum `P`, the angular momentum `L` about the world
-/// origin and the mass `m` with the centre `c`. Between two samples at `t` and `t + dt`, the joint that
+/// origin, the mass `m` and the centre of mass `c`. Between two samples at `t` and `t + dt`, the joint that
 /// carries the link, moving or fixed, must have exerted the mean wrench
 ///
 /// ```text
@@ -59,8 +60,8 @@ impl From<OutsideForce> for OutsideWrench {
 /// ```
 ///
 /// with the gravitational acceleration `g` and the external forces `f_i` at the points `r_i`. No joint
-/// acceleration is needed, and an impact between the samples is fully included. Masses are the model's, times
-/// a factor per link.
+/// acceleration is needed, and an impact between the samples is fully included. Masses and inertias are the
+/// model's, scaled by a factor per link.
 ///
 /// ```
 /// use motorium_robots::{Kinematics, load};
@@ -105,7 +106,8 @@ struct Motion {
 }
 
 impl Loads {
-    /// Creates the loads of a robot under the gravitational acceleration `gravity` \[m/s2\] in the world.
+    /// Creates the computation for a robot under the gravitational acceleration `gravity` \[m/s2\] in the
+    /// world.
     pub fn new(model: &Model, gravity: Vector3<f64>) -> Self {
         let links = model.frames().iter().map(|frame| Link {
             parent: frame.parent,
@@ -118,19 +120,20 @@ impl Loads {
         Self { wrenches: vec![WorldWrench::default(); links.len()], links, gravity, last: None }
     }
 
-    /// Sets the gravitational acceleration \[m/s2\] and the factor of each link's mass and inertia.
+    /// Sets the gravitational acceleration \[m/s2\] and the factor that scales each link's mass and inertia.
+    /// `factor` is called with the index of each link.
     pub fn set_properties(&mut self, gravity: Vector3<f64>, factor: impl Fn(usize) -> f64) {
         self.gravity = gravity;
         self.links.iter_mut().enumerate().for_each(|(index, link)| link.factor = factor(index));
     }
 
-    /// Restarts: the next sample is the first.
+    /// Discards all samples; the next sample starts a new interval.
     pub fn forget(&mut self) {
         self.last = None;
     }
 
     /// Adds the motion at a time and the mean external forces since the last sample. Returns `false` for the
-    /// first sample and for a time that is not after the last one, which restarts the motion.
+    /// first sample, and for a time that is not after the last one, which restarts the motion.
     pub fn sample(
         &mut self,
         time_ns: u64,
@@ -141,7 +144,7 @@ impl Loads {
         self.sample_wrenches(time_ns, model, kinematics, outside.into_iter().map(OutsideWrench::from))
     }
 
-    /// Like [`sample`](Self::sample), with mean external wrenches.
+    /// Like [`sample`](Self::sample), but with mean external wrenches instead of forces.
     pub fn sample_wrenches(
         &mut self,
         time_ns: u64,
@@ -193,8 +196,8 @@ impl Loads {
         }
     }
 
-    /// Returns the wrench that the joint above a link, moving or fixed, exerted on the link: the mean over
-    /// the interval up to the last sample.
+    /// Returns the mean wrench that the joint above a link, moving or fixed, exerted on the link during the
+    /// interval up to the last sample.
     pub fn through(&self, link: FrameId) -> WorldWrench {
         self.wrenches[link.index()]
     }

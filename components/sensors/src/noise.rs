@@ -7,7 +7,7 @@ use rand_pcg::Pcg64;
 /// Channel number, within a seed, of the noise of drop-outs.
 pub(crate) const DROP_OUTS: u64 = 1 << 20;
 
-/// A source of standard normal numbers. Equal seeds and channels give equal sequences.
+/// A generator of standard normal numbers. Equal seeds and channels give equal sequences.
 ///
 /// PCG XSL RR 128/64 (O'Neill 2014), ziggurat sampling. Channels of one seed are independent, so switching
 /// the noise of one quantity on or off does not change the others.
@@ -17,7 +17,7 @@ pub struct Noise {
 }
 
 impl Noise {
-    /// Creates the noise of channel `channel` of a seed.
+    /// Creates the generator of channel `channel` of a seed.
     pub fn new(seed: u64, channel: u64) -> Self {
         // the seed selects a generator of seeds, which seeds the channel: streams of one state are correlated
         let mut seeds = Pcg64::seed_from_u64(seed);
@@ -35,7 +35,7 @@ impl Noise {
         StandardUniform.sample(&mut self.generator)
     }
 
-    /// Adds noise of the given standard deviation to every value. Draws nothing for a deviation of 0.
+    /// Adds Gaussian noise with one standard deviation per value. A deviation of 0 consumes no random number.
     pub fn add(&mut self, deviations: &[f64], values: &mut [f64]) {
         for (value, deviation) in values.iter_mut().zip(deviations) {
             if *deviation > 0.0 {

@@ -2,8 +2,8 @@
 
 use nalgebra::{Unit, Vector3};
 
-/// A distortion-free camera that looks along x: columns to the right, which is along -y, rows down, which is
-/// along -z.
+/// A distortion-free camera that looks along x. Columns increase to the right, along -y; rows increase
+/// downwards, along -z.
 ///
 /// Pixel coordinates start at the centre of the top left pixel.
 ///
@@ -25,9 +25,9 @@ pub struct Pinhole {
     pub width: u32,
     /// Number of rows.
     pub height: u32,
-    /// Focal lengths along the rows and columns, pixels.
+    /// Focal lengths along the rows and along the columns, pixels.
     pub focal_length: [f64; 2],
-    /// Principal point: the pixel on the optical axis.
+    /// Principal point: column and row of the optical axis, pixels.
     pub principal_point: [f64; 2],
 }
 
@@ -52,15 +52,16 @@ impl Pinhole {
         }
     }
 
-    /// Returns the vector through a point of the image whose component along the optical axis is 1, in camera
-    /// axes.
+    /// Returns the vector in camera axes that points through an image point (column and row) and has a
+    /// component of 1 along the optical axis.
     pub fn ray(&self, pixel: [f64; 2]) -> Vector3<f64> {
         let right = (pixel[0] - self.principal_point[0]) / self.focal_length[0];
         let down = (pixel[1] - self.principal_point[1]) / self.focal_length[1];
         Vector3::new(1.0, -right, -down)
     }
 
-    /// Returns the directions of the pixel centres, row by row from the top left corner.
+    /// Returns the unit vectors through the pixel centres in camera axes, row by row from the top left
+    /// corner.
     pub fn directions(&self) -> impl Iterator<Item = Unit<Vector3<f64>>> {
         let camera = *self;
         (0..self.height).flat_map(move |row| {
@@ -69,7 +70,7 @@ impl Pinhole {
         })
     }
 
-    /// Projects a point in camera axes \[m\] into the image; `None` behind the camera.
+    /// Projects a point in camera axes \[m\] to its column and row in the image; `None` behind the camera.
     pub fn project(&self, point: &Vector3<f64>) -> Option<[f64; 2]> {
         if point.x <= 0.0 {
             return None;

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use crate::channel::{ErrorModel, SettingError};
 use crate::noise::Noise;
 
-/// Ranges of sensor parameters, sampled uniformly from the seed at the start of every episode.
+/// Ranges of sensor parameters. Values are sampled uniformly from the seed at the start of every episode.
 ///
 /// ```toml
 /// noise   = [0.5, 2.0]
@@ -17,11 +17,11 @@ use crate::noise::Noise;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SensorRanges {
-    /// Factor of noises and bias walks, from 0 to 100. Default: 1.
+    /// Scales noises and bias walks, from 0 to 100. Default 1.
     pub noise: Option<[f64; 2]>,
-    /// Factor of the deviations of biases and scale errors, from 0 to 100. Default: 1.
+    /// Scales the standard deviations of biases and scale errors, from 0 to 100. Default 1.
     pub bias: Option<[f64; 2]>,
-    /// Latency, replacing the sensor's latency. Default: the sensor's latency.
+    /// Latency instead of the sensor's configured latency. Default: the configured latency.
     pub latency: Option<[TimeSpan; 2]>,
 }
 
@@ -38,11 +38,11 @@ pub struct SensorRanges {
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SensorDraw {
-    /// Factor of noises.
+    /// Scale of noises and bias walks.
     pub noise: f64,
-    /// Factor of biases.
+    /// Scale of the standard deviations of biases and scale errors.
     pub bias: f64,
-    /// Latency.
+    /// Delay of the readings.
     pub latency: TimeSpan,
 }
 
@@ -64,29 +64,29 @@ impl SensorRanges {
             let Some([low, high]) = range else { continue };
             let good = |factor: f64| (0.0..=100.0).contains(&factor);
             if let Some(value) = [low, high].into_iter().find(|factor| !good(*factor)) {
-                return Err(SettingError::new(format!("randomise.{name}"), value, "factors from 0 to 100"));
+                return Err(SettingError::new(format!("randomise.{name}"), value, "a factor from 0 to 100"));
             }
             if low > high {
                 let setting = format!("randomise.{name}");
-                return Err(SettingError::new(setting, low, "the lowest factor first"));
+                return Err(SettingError::new(setting, low, "the lower factor first"));
             }
         }
         match self.latency {
             Some([low, high]) if low > high => {
                 let value = low.as_secs_f64();
-                Err(SettingError::new("randomise.latency", value, "the shortest time first"))
+                Err(SettingError::new("randomise.latency", value, "the shorter time first"))
             }
             _ => Ok(()),
         }
     }
 
-    /// Returns the longest latency that can be sampled, where `own` is the sensor's latency.
+    /// Returns the maximum latency that can be sampled. `own` is the sensor's configured latency.
     pub fn longest(&self, own: TimeSpan) -> TimeSpan {
         self.latency.map_or(own, |[_, longest]| longest)
     }
 
-    /// Samples the parameters for a seed and a sensor with the latency `own`. Each parameter depends only on
-    /// the seed and its own range.
+    /// Samples the parameters for a seed. `own` is the sensor's configured latency. Each parameter depends
+    /// only on the seed and its range.
     pub fn draw(&self, seed: u64, own: TimeSpan) -> SensorDraw {
         let share = |number: u64| Noise::new(seed, DRAWS + number).uniform();
         let factor = |range: Option<[f64; 2]>, number: u64| {
@@ -100,12 +100,12 @@ impl SensorRanges {
 }
 
 impl SensorDraw {
-    /// Returns parameters without effect, for a sensor with this latency.
+    /// Returns parameters that change nothing, for a sensor with this latency.
     pub fn none(latency: TimeSpan) -> Self {
         Self { noise: 1.0, bias: 1.0, latency }
     }
 
-    /// Returns the errors of a quantity in the episode.
+    /// Returns the error model of a quantity, scaled for the episode.
     pub fn errors(&self, errors: &ErrorModel) -> ErrorModel {
         ErrorModel {
             noise: self.noise * errors.noise,

@@ -15,9 +15,9 @@ const LOST: u64 = 1 << 21;
 pub struct RangeSettings {
     /// Errors of a distance, m.
     pub distance: ErrorModel,
-    /// Minimum distance, m. A nearer surface gives no return.
+    /// Minimum measurable distance, m. Closer surfaces give no return.
     pub least: f64,
-    /// Largest measurable distance, m.
+    /// Maximum measurable distance, m.
     pub most: f64,
     /// Fraction of the rays without a return, 0 to 1.
     pub lost: f64,
@@ -45,7 +45,8 @@ pub struct RangeModel {
 }
 
 impl RangeModel {
-    /// Creates the errors of a sensor with this number of rays, sampled from a seed.
+    /// Creates the error model of a sensor with this number of rays. Biases, scale errors and noise are
+    /// sampled from the seed.
     ///
     /// # Errors
     /// [`SettingError`] if a number is out of range.
@@ -58,19 +59,19 @@ impl RangeModel {
             return Err(SettingError::new("least", least, "a distance from 0 up, below `most`"));
         }
         if !(0.0..=1.0).contains(&lost) {
-            return Err(SettingError::new("lost", lost, "a share from 0 to 1"));
+            return Err(SettingError::new("lost", lost, "a fraction from 0 to 1"));
         }
         let channel = Channel::new("distance", &distance, rays, seed, 0)?;
         Ok(Self { settings: *settings, channel, draws: Noise::new(seed, LOST) })
     }
 
-    /// Returns the reading of a ray without a return, m: twice the maximum distance.
+    /// Returns the reading of a ray without a return \[m\]: twice the maximum distance.
     pub fn no_return(&self) -> f64 {
         2.0 * self.settings.most
     }
 
-    /// Converts true distances, infinite for rays without a hit, to readings. `dt` \[s\] is the time since
-    /// the last reading.
+    /// Replaces true distances \[m\], one per ray and infinite without a hit, by readings. `dt` \[s\] is the
+    /// time since the last reading.
     ///
     /// # Panics
     /// If the number of rays differs.
@@ -87,7 +88,7 @@ impl RangeModel {
     }
 }
 
-/// Returns the direction with an azimuth, from x towards y, and an elevation above the xy plane \[rad\].
+/// Returns the unit vector with an azimuth, from x towards y, and an elevation above the xy plane \[rad\].
 ///
 /// ```
 /// use motorium_sensors::ranging::direction;
@@ -100,8 +101,9 @@ pub fn direction(azimuth: f64, elevation: f64) -> Unit<Vector3<f64>> {
     Unit::new_normalize(Vector3::new(across * azimuth.cos(), across * azimuth.sin(), up))
 }
 
-/// Returns the azimuths of `count` rays, from right to left. They cover a field of view \[rad\] about x with
-/// a ray at each end, or a whole turn starting behind, without a duplicate direction.
+/// Returns the azimuths \[rad\] of `count` rays, from right to left. They cover a field of view \[rad\]
+/// centred on x with a ray at each end. For a full circle they start opposite to x, and no direction occurs
+/// twice.
 ///
 /// ```
 /// use motorium_sensors::ranging::azimuths;

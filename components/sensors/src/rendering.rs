@@ -18,12 +18,12 @@ const PIXELS: u64 = 1 << 22;
 /// Distance from a surface at which the ray to the light starts \[m\], larger than the rounding of the point.
 const OFF: f64 = 1e-6;
 
-/// Colour of a surface.
+/// Surface colour, optionally with a checker pattern.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Paint {
     /// Red, green and blue, 0 to 1.
     pub colour: Colour,
-    /// Squares of a second colour in the xy plane of the world.
+    /// Checkerboard of a second colour in the xy plane of the world; `None` for a single colour.
     pub checker: Option<Checker>,
 }
 
@@ -46,12 +46,12 @@ impl Paint {
     }
 }
 
-/// Appearance of a scene.
+/// Appearance of a scene to a camera.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Looks {
-    /// Paint of each shape of the scene, by its number.
+    /// Paint of each shape, by its index in the scene.
     pub paints: Arc<[Paint]>,
-    /// Colour of the background.
+    /// Background colour.
     pub sky: Colour,
     /// The light.
     pub light: Light,
@@ -94,7 +94,7 @@ pub struct Renderer {
 }
 
 impl Renderer {
-    /// Creates a renderer for a camera that sees as far as `range` \[m\].
+    /// Creates a renderer for a camera with the maximum visible distance `range` \[m\].
     pub fn new(pinhole: Pinhole, range: f64) -> Self {
         let directions: Vec<_> = pinhole.directions().collect();
         let count = directions.len();
@@ -120,10 +120,11 @@ impl Renderer {
         self.directions.len()
     }
 
-    /// Renders an image from `pose`, row by row from the top left corner.
+    /// Renders an image from the camera pose `pose`, row by row from the top left corner.
     ///
     /// # Panics
-    /// If the image has another number of pixels, or a shape of the scene has no paint.
+    /// If the size of the image differs from the camera's number of pixels, or a shape of the scene has no
+    /// paint.
     pub fn render(
         &mut self,
         pose: &Isometry3<f64>,
@@ -173,11 +174,11 @@ impl Renderer {
     }
 }
 
-/// Errors of the pixels of an image. The default is an ideal sensor, whose levels are rounded.
+/// Errors of the pixels of an image. The default is an ideal sensor that only rounds the levels.
 ///
 /// A channel with level `l` (0 to 255) is read as `round(l + sqrt(l 255 / full_well + read_noise^2) n)` with
-/// an independent standard normal `n`. The first term is shot noise: the number of electrons varies with its
-/// square root. The second term is the noise of the amplifier.
+/// independent standard normal `n`. The first term under the root is shot noise: the standard deviation of
+/// the number of electrons is its square root. The second term is amplifier noise.
 ///
 /// ```toml
 /// full_well  = 10000.0
@@ -186,9 +187,9 @@ impl Renderer {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct PixelNoise {
-    /// Electrons of a pixel at level 255. Default: no shot noise.
+    /// Number of electrons of a pixel at level 255. Default: no shot noise.
     pub full_well: Option<f64>,
-    /// Standard deviation in the dark, levels. Default 0.
+    /// Standard deviation of the noise in the dark, levels. Default 0.
     #[schemars(range(min = 0.0))]
     pub read_noise: f64,
 }
@@ -215,7 +216,7 @@ pub struct PixelSensor {
 }
 
 impl PixelSensor {
-    /// Creates the sensor from a seed.
+    /// Creates the sensor with noise from a seed.
     ///
     /// # Errors
     /// [`SettingError`] if a number is out of range.
@@ -225,13 +226,13 @@ impl PixelSensor {
             return Err(SettingError::new("full_well", electrons, "a number of electrons from 1 to 1e9"));
         }
         if !(0.0..=255.0).contains(&read_noise) {
-            return Err(SettingError::new("read_noise", read_noise, "levels from 0 to 255"));
+            return Err(SettingError::new("read_noise", read_noise, "a number of levels from 0 to 255"));
         }
         let variance = [full_well.map_or(0.0, |electrons| 255.0 / electrons), read_noise * read_noise];
         Ok(Self { variance, draws: Noise::new(seed, PIXELS) })
     }
 
-    /// Returns the levels of a colour, 0 to 255.
+    /// Converts a colour to levels, 0 to 255, with noise.
     pub fn expose(&mut self, colour: &Colour) -> [u8; 3] {
         let [per_level, dark] = self.variance;
         colour.map(|part| {

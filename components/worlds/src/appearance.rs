@@ -27,25 +27,25 @@ const EARTH: Colour = [0.8, 0.82, 0.84];
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Appearance {
-    /// Colours by object name, with `ground` for the plane and `terrain` for the terrain: red, green and
-    /// blue, 0 to 1. Default: fixed objects grey, free objects orange, the ground light grey. Links have the
-    /// colours of their visuals.
+    /// Colours by object name: red, green and blue, 0 to 1. The names `ground` and `terrain` colour the plane
+    /// and the terrain. Default: fixed objects grey, free objects orange, the ground light grey. Links have
+    /// the colours of their visuals.
     pub colours: BTreeMap<String, Colour>,
-    /// Squares of a second colour on the ground. Default: none.
+    /// Checkerboard of a second colour on the ground. Default: none.
     pub checker: Option<Checker>,
-    /// Colour of the background.
+    /// Background colour: red, green and blue, 0 to 1.
     pub sky: Colour,
     /// Lighting.
     pub light: Light,
 }
 
-/// A checkerboard on the ground. A corner is at the origin of the world.
+/// A checkerboard on the ground. One corner of a square is at the world origin.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Checker {
-    /// Side of a square (m).
+    /// Side length of a square (m).
     pub side: f64,
-    /// The second colour: red, green and blue, 0 to 1.
+    /// Colour of every second square: red, green and blue, 0 to 1.
     pub colour: Colour,
 }
 
@@ -57,9 +57,9 @@ pub struct Checker {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Light {
-    /// Direction of the light, of any nonzero length. Default [0.3, 0.4, -1.0].
+    /// Direction in which the light travels, of any nonzero length, world axes. Default [0.3, 0.4, -1.0].
     pub direction: [f64; 3],
-    /// Fraction of ambient light, 0 to 1. Default 0.35.
+    /// Ambient light as a fraction of the total, 0 to 1. Default 0.35.
     pub ambient: f64,
     /// `true` if objects cast shadows. Default true.
     pub shadows: bool,

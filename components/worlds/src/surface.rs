@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 /// Rule for combining the friction coefficients of two surfaces in contact.
 ///
-/// For surfaces with different rules, the later rule in the order `mean`, `min`, `multiply`, `max` applies.
+/// If two surfaces have different rules, the later one in the order `mean`, `min`, `multiply`, `max` applies.
 /// An explicit `min` or `max` also applies to torsional and rolling friction, which otherwise use the mean.
 ///
 /// ```
@@ -21,25 +21,25 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum FrictionCombine {
-    /// The mean of both coefficients: the default for surfaces with friction.
+    /// Mean of both coefficients. Default for surfaces with friction.
     Mean,
     /// The smaller coefficient.
     Min,
-    /// The product of both coefficients: the default for surfaces with a friction of 0, which then slide on
-    /// any other surface.
+    /// Product of both coefficients. Default for surfaces with a friction of 0, which are therefore
+    /// frictionless against every surface, unless its rule is `max`.
     Multiply,
     /// The larger coefficient.
     Max,
 }
 
 impl FrictionCombine {
-    /// Returns the rule of a surface with this coefficient of friction: `stated`, or the default.
+    /// Returns the rule of a surface: `stated`, or the default for its coefficient of friction.
     pub fn of_surface(friction: f64, stated: Option<Self>) -> Self {
         stated.unwrap_or(if friction > 0.0 { Self::Mean } else { Self::Multiply })
     }
 
-    /// Returns the coefficient of friction of a contact between two surfaces, each with its coefficient and
-    /// its explicit rule.
+    /// Returns the coefficient of friction of a contact. Each argument is the coefficient and the explicit
+    /// rule of one surface.
     pub fn combined((a, rule_a): (f64, Option<Self>), (b, rule_b): (f64, Option<Self>)) -> f64 {
         match Self::of_surface(a, rule_a).max(Self::of_surface(b, rule_b)) {
             Self::Mean => 0.5 * (a + b),
@@ -49,9 +49,9 @@ impl FrictionCombine {
         }
     }
 
-    /// Returns the torsional or rolling friction of a contact \[m\] between two surfaces, each with its
-    /// coefficient and its explicit rule: the smaller value under `min`, the larger under `max`, otherwise
-    /// the mean.
+    /// Returns the torsional or rolling friction of a contact \[m\]: the smaller value under `min`, the
+    /// larger under `max`, otherwise the mean. Each argument is the coefficient and the explicit rule of one
+    /// surface.
     ///
     /// ```
     /// use motorium_worlds::FrictionCombine;
@@ -74,8 +74,8 @@ impl FrictionCombine {
 /// force = max(0, stiffness depth - damping d(distance)/dt)
 /// ```
 ///
-/// A box on four corners rests on four such springs. Between two soft surfaces, springs act in series, and so
-/// do dampers.
+/// A box that rests on four corners is supported by four such springs. Between two soft surfaces, the springs
+/// act in series, and so do the dampers.
 ///
 /// ```
 /// use motorium_worlds::World;
@@ -86,17 +86,17 @@ impl FrictionCombine {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Softness {
-    /// Force per depth at a contact point (N/m), above 0.
+    /// Force per penetration depth at a contact point (N/m), above 0.
     #[schemars(range(min = 0.0))]
     pub stiffness: f64,
-    /// Force per speed of approach while the surfaces overlap (N s/m), from 0. Default 0.
+    /// Force per approach speed while the surfaces overlap (N s/m), from 0. Default 0.
     #[serde(default)]
     #[schemars(range(min = 0.0))]
     pub damping: f64,
 }
 
 impl Softness {
-    /// Returns the series combination of two soft surfaces.
+    /// Returns the series combination of two soft surfaces in contact.
     pub fn behind(self, other: Self) -> Self {
         let series = |a: f64, b: f64| if a + b > 0.0 { a * b / (a + b) } else { 0.0 };
         Self {
@@ -106,8 +106,8 @@ impl Softness {
     }
 }
 
-/// Direction-dependent friction, for example of a skate, a ski or corduroy: the grain's coefficient along
-/// `direction`, the surface's across it.
+/// Direction-dependent friction, for example of a skate, a ski or corduroy. The grain's coefficient applies
+/// along `direction`, the surface's coefficient across it.
 ///
 /// In other directions the maximum friction forces form an ellipse, and sliding dissipates maximum energy.
 ///

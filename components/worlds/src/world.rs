@@ -34,20 +34,20 @@ pub use mjcf::{MjcfWorld, parse_mjcf_world};
 pub use shape::{CompoundPart, ObjectMass, ObjectShape};
 pub use things::{Conveyor, Copies, Ground, Object};
 
-/// Gravity, air, ground, simple objects and their appearance. Units are metres, radians and kilograms; poses
-/// are in the world frame, which is the base frame of the robot, z up.
+/// Gravity, air, ground, objects and their appearance. Units are metres, radians and kilograms. Poses are in
+/// the world frame, which is the base frame of the robot, z up.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct World {
     /// A file with a world: MJCF, URDF or SDF. Its gravity, ground and objects are used, and the other keys
-    /// add to them; explicitly stated gravity takes precedence. Relative paths start at the graph's folder.
+    /// add to them. A gravity stated here takes precedence. Relative paths start at the graph's folder.
     /// Default: none.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("format" = "path"))]
     pub file: Option<PathBuf>,
     /// Gravitational acceleration (m/s2).
     pub gravity: [f64; 3],
-    /// `true` if `gravity` was written explicitly: it overrides the gravity of a `file` even if it equals
+    /// `true` if `gravity` is stated explicitly. It then overrides the gravity of a `file`, even if it equals
     /// Earth's.
     #[serde(skip)]
     pub states_gravity: bool,
@@ -93,7 +93,7 @@ impl Default for World {
 
 impl World {
     /// Resolves relative file paths from a folder, and adds the world of its [`file`](Self::file). Returns
-    /// warnings of skipped elements, and of values that are probably in degrees or millimetres.
+    /// warnings about skipped elements, and about values that are probably in degrees or millimetres.
     ///
     /// ```
     /// # use motorium_worlds::World;
@@ -107,7 +107,7 @@ impl World {
     ///
     /// # Errors
     ///
-    /// [`WorldError::File`].
+    /// [`WorldError::File`] if the file cannot be read as a world.
     pub fn locate(&mut self, folder: &Path) -> Result<Vec<ModelWarning>, WorldError> {
         if let Some(terrain) = &mut self.terrain {
             terrain.locate(folder);
@@ -124,16 +124,16 @@ impl World {
         Ok(warnings)
     }
 
-    /// Returns the height field of its terrain, if any.
+    /// Returns the height field of the terrain; `None` without a terrain.
     ///
     /// # Errors
     ///
-    /// [`TerrainError`].
+    /// [`TerrainError`] if a value is out of range or an image cannot be read.
     pub fn height_field(&self) -> Result<Option<HeightField>, TerrainError> {
         self.terrain.as_ref().map(Terrain::height_field).transpose()
     }
 
-    /// Checks every value and name; `links` are the names the robot already uses.
+    /// Checks every value and name. `links` are the link names of the robot, which objects must not use.
     ///
     /// # Errors
     ///

@@ -1,9 +1,8 @@
-//! The setpoint of one joint on its way from the command gate to its drive.
+//! The setpoint of one joint, as passed from the command gate to the drive.
 //!
-//! The gate checks and bounds a [`JointSetpoint`], and simulated and real drives follow it: one type, one
-//! impedance law and one braking law for all of them. The functions bound a setpoint's range
-//! ([`within_range`]) and its rate of change ([`within_rate`]); the gate and the training environments share
-//! them.
+//! The gate checks and bounds a [`JointSetpoint`]; simulated and real drives follow it. All of them share one
+//! type, one impedance law and one braking law. The functions bound a setpoint's range ([`within_range`]) and
+//! its rate of change ([`within_rate`]); the gate and the training environments share them.
 
 mod limits;
 mod setpoint;

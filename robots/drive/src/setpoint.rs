@@ -1,6 +1,6 @@
 //! The setpoint of one joint, and the laws of the drive that follows it.
 
-/// The setpoint of one joint. It stays in force until it is replaced.
+/// Setpoint of one joint. It stays in force until it is replaced.
 ///
 /// A drive applies
 ///
@@ -11,10 +11,10 @@
 /// at joint position `q` and velocity `v`: the impedance law of torque-controlled drives ("MIT mode") within
 /// the joint's effort limit. `kp = kd = 0` is pure effort control and `kp = 0` is velocity control.
 ///
-/// A joint that moves beyond `min_velocity` or `max_velocity` brakes, regardless of the rest of the setpoint:
-/// `high(v)` is the effort limit up to `max_velocity` and falls from there to the negative effort limit over
-/// [`BRAKING_BAND`] of the larger of both velocities; `low(v)` likewise. A drive without an effort limit
-/// brakes with the largest effort that its setpoint requests up to twice these velocities.
+/// A joint that moves beyond `min_velocity` or `max_velocity` brakes, regardless of the rest of the setpoint.
+/// `high(v)` is the effort limit up to `max_velocity`. From there it falls to the negative effort limit over
+/// [`BRAKING_BAND`] of the larger of both velocities; `low(v)` is symmetric. A drive without an effort limit
+/// brakes with the maximum effort that its setpoint requests up to twice these velocities.
 ///
 /// ```
 /// use motorium_drive::JointSetpoint;
@@ -31,19 +31,19 @@ pub struct JointSetpoint {
     pub velocity: f64,
     /// Feed-forward effort \[N m or N\].
     pub effort: f64,
-    /// Position gain \[N m/rad or N/m\], not negative.
+    /// Position gain \[N m/rad or N/m\], from 0.
     pub kp: f64,
-    /// Velocity gain \[N m s/rad or N s/m\], not negative.
+    /// Velocity gain \[N m s/rad or N s/m\], from 0.
     pub kd: f64,
-    /// Backward velocity limit beyond which the drive brakes \[rad/s or m/s\], negative; minus infinity for
-    /// no limit. CAN drives apply their own limits and ignore this one.
+    /// Backward velocity limit \[rad/s or m/s\], negative, beyond which the drive brakes; minus infinity for
+    /// no limit. CAN drives ignore it and apply their own limits.
     pub min_velocity: f64,
-    /// Forward velocity limit beyond which the drive brakes \[rad/s or m/s\], positive; infinity for no
-    /// limit. CAN drives apply their own limits and ignore this one.
+    /// Forward velocity limit \[rad/s or m/s\], positive, beyond which the drive brakes; infinity for no
+    /// limit. CAN drives ignore it and apply their own limits.
     pub max_velocity: f64,
 }
 
-/// Width of the band in which a drive passes from full effort to full braking, as a fraction of the larger
+/// Width of the band in which a drive changes from full effort to full braking, as a fraction of the larger
 /// velocity limit.
 pub const BRAKING_BAND: f64 = 0.05;
 
@@ -67,8 +67,8 @@ impl JointSetpoint {
         Self { position, kp, kd, ..Self::default() }
     }
 
-    /// Returns `true` if setpoints and gains are finite, no gain is negative and zero velocity is within the
-    /// limits.
+    /// Returns `true` if setpoints and gains are finite, no gain is negative, and zero velocity is within the
+    /// velocity limits.
     pub fn is_valid(&self) -> bool {
         [self.position, self.velocity, self.effort, self.kp, self.kd].iter().all(|x| x.is_finite())
             && self.kp >= 0.0
@@ -77,7 +77,8 @@ impl JointSetpoint {
             && self.max_velocity > 0.0
     }
 
-    /// Effort of a drive with this effort limit \[N m or N\] at position `q` and velocity `v`.
+    /// Returns the effort \[N m or N\] of a drive with the effort limit `limit` at position `q` and velocity
+    /// `v`.
     ///
     /// ```
     /// use motorium_drive::JointSetpoint;
@@ -104,23 +105,24 @@ impl JointSetpoint {
         self.braking_effort(self.kp * (self.position - q) + self.kd * self.velocity + self.effort, self.kd)
     }
 
-    /// Width of the band in which the drive passes from full effort to full braking \[rad/s or m/s\];
-    /// infinite without velocity limits.
+    /// Returns the width of the band in which the drive changes from full effort to full braking \[rad/s or
+    /// m/s\]; infinite without velocity limits.
     #[inline]
     pub fn braking_band(&self) -> f64 {
         BRAKING_BAND * self.max_velocity.max(-self.min_velocity)
     }
 
-    /// Slope of the braking effort beyond a velocity limit, for a drive with this effort limit \[N m s/rad or
-    /// N s/m\]; zero without limits.
+    /// Returns the slope of the braking effort beyond a velocity limit, for a drive with the effort limit
+    /// `limit` \[N m s/rad or N s/m\]; zero without velocity limits.
     #[inline]
     pub fn braking_slope(&self, limit: f64) -> f64 {
         let band = self.braking_band();
         if limit.is_finite() && band.is_finite() { 2.0 * limit / band } else { 0.0 }
     }
 
-    /// Largest effort that the law `at_rest - slope v` requests up to twice the velocity limits: the braking
-    /// effort of a drive without an effort limit. Up to the velocity limits it does not affect the setpoint.
+    /// Returns the maximum effort that the law `at_rest - slope v` requests up to twice the velocity limits.
+    /// It is the braking effort of a drive without an effort limit, and has no effect up to the velocity
+    /// limits.
     #[inline]
     pub fn braking_effort(&self, at_rest: f64, slope: f64) -> f64 {
         let requested = |v: f64| (at_rest - 2.0 * slope * v).abs();

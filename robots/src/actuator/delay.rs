@@ -2,7 +2,8 @@
 
 use std::collections::VecDeque;
 
-/// A command delay: a command sent at `t` takes effect at `t + delay` and holds until the next one.
+/// Delays commands: a command sent at `t` takes effect at `t + delay` and remains active until the next one
+/// takes effect.
 ///
 /// ```
 /// use motorium_robots::Delay;
@@ -35,15 +36,15 @@ impl<T: Copy> Clone for Delay<T> {
 }
 
 impl<T: Copy> Delay<T> {
-    /// Creates a delay \[s\]; `idle` is active until the first command takes effect. Steps of at least 0.1 ms
-    /// never exceed the initial capacity.
+    /// Creates a delay \[s\]. `idle` is active until the first command takes effect. Memory is allocated for
+    /// steps of at least 0.1 ms.
     pub fn new(delay: f64, idle: T) -> Self {
         let delay_ns = nanoseconds(delay);
         let queue = VecDeque::with_capacity((delay_ns / 100_000) as usize + 3);
         Self { delay_ns, now_ns: 0, idle, queue }
     }
 
-    /// Sets the delay of commands sent from now on \[s\]. A command that arrives before an earlier one
+    /// Sets the delay \[s\] of commands sent from now on. A command that takes effect before an earlier one
     /// overtakes it.
     pub fn set_delay(&mut self, delay: f64) {
         self.delay_ns = nanoseconds(delay);
@@ -51,7 +52,7 @@ impl<T: Copy> Delay<T> {
         self.queue.reserve(room.saturating_sub(self.queue.len()));
     }
 
-    /// Returns the command that is active now if `newest` is sent now.
+    /// Returns the active command, assuming that `newest` is sent now.
     pub fn acting(&self, newest: T) -> T {
         if self.delay_ns == 0 {
             return newest;
@@ -60,7 +61,7 @@ impl<T: Copy> Delay<T> {
         arrived.last().map_or(self.idle, |(_, command)| *command)
     }
 
-    /// Sends `newest` now and advances by `dt` \[s\].
+    /// Sends the command `newest` now, then advances the time by `dt` \[s\].
     pub fn advance(&mut self, newest: T, dt: f64) {
         if self.delay_ns == 0 {
             return;

@@ -2,26 +2,26 @@
 
 use super::{Actuator, EffortLaw};
 
-/// A drivetrain: a motor with its own inertia that moves the joint through a spring and a damper, optionally
-/// with a gap.
+/// A compliant drivetrain: a motor with its own inertia moves the joint through a spring and a damper,
+/// optionally with backlash.
 ///
-/// With `backlash = 0` it is a series-elastic actuator. With a stiff spring and a gap it is a gear with
-/// backlash (the dead-zone model of Nordin and Gutman 2002): within the gap neither side moves the other; at
-/// its ends the teeth push and never pull. All values are at the joint, after the gear: the rotor inertia
-/// times the square of the gear ratio.
+/// With `backlash = 0` it is a series-elastic actuator. With a stiff spring and backlash it is a gear (the
+/// dead-zone model of Nordin and Gutman 2002): within the gap neither side moves the other; at its ends the
+/// teeth push and never pull. All values are at the joint, after the gear. The motor inertia is therefore the
+/// rotor inertia times the square of the gear ratio.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Drivetrain {
-    /// Inertia of the motor \[kg m2 or kg\].
+    /// Inertia of the motor reflected to the joint \[kg m2 or kg\].
     pub motor_inertia: f64,
     /// Stiffness of the spring \[Nm/rad or N/m\].
     pub stiffness: f64,
     /// Damping parallel to the spring \[Nms/rad or Ns/m\].
     pub damping: f64,
-    /// Width of the gap, from one end to the other \[rad or m\].
+    /// Width of the gap between its two ends \[rad or m\].
     pub backlash: f64,
 }
 
-/// Position and velocity of a motor, at the joint (after the gear).
+/// Position and velocity of a motor, converted to the joint (after the gear).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Motor {
     /// Position \[rad or m\].
@@ -30,9 +30,10 @@ pub struct Motor {
     pub velocity: f64,
 }
 
-/// Command of a drive, at its motor: the effort `kp (position - theta) + kd (velocity - theta') + effort`.
+/// Command of a drive that closes its loops on the motor position `theta`: `kp (position - theta) + kd
+/// (velocity - theta') + effort`.
 ///
-/// Beyond `velocity_limits` the available effort in the direction of motion decreases by `braking` per unit
+/// Beyond `velocity_limits`, the available effort in the direction of motion decreases by `braking` per unit
 /// of velocity.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DriveCommand {
@@ -46,38 +47,38 @@ pub struct DriveCommand {
     pub kp: f64,
     /// Velocity gain \[Nms/rad or Ns/m\].
     pub kd: f64,
-    /// Minimum and maximum velocity without braking \[rad/s or m/s\].
+    /// Minimum and maximum velocity, beyond which the drive brakes \[rad/s or m/s\].
     pub velocity_limits: [f64; 2],
-    /// Slope of the effort beyond `velocity_limits` \[Nms/rad or Ns/m\]; 0 for no braking.
+    /// Slope of the available effort beyond `velocity_limits` \[Nms/rad or Ns/m\]; 0 for no braking.
     pub braking: f64,
 }
 
 impl DriveCommand {
-    /// Returns a command of pure effort \[Nm or N\].
+    /// Creates a command of pure effort \[Nm or N\].
     pub fn effort(effort: f64) -> Self {
         let velocity_limits = [f64::NEG_INFINITY, f64::INFINITY];
         Self { position: 0.0, velocity: 0.0, effort, kp: 0.0, kd: 0.0, velocity_limits, braking: 0.0 }
     }
 }
 
-/// Effort on a joint in one step, `clamp(effort - slope * x, low, high)`, as a function of the joint velocity
-/// `x` at its end.
+/// Effort on a joint in one step as a function of the joint velocity `x` at the end of the step:
+/// `clamp(effort - slope * x, low, high)`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JointLaw {
-    /// Effort on a joint at rest at the end of the step \[Nm or N\].
+    /// Effort at zero joint velocity \[Nm or N\].
     pub effort: f64,
-    /// Decrease of the effort with velocity \[Nms/rad or Ns/m\].
+    /// Decrease of the effort per unit of velocity \[Nms/rad or Ns/m\].
     pub slope: f64,
-    /// Lowest effort \[Nm or N\].
+    /// Minimum effort \[Nm or N\].
     pub low: f64,
-    /// Highest effort \[Nm or N\].
+    /// Maximum effort \[Nm or N\].
     pub high: f64,
 }
 
 impl JointLaw {
     const NOTHING: Self = Self { effort: 0.0, slope: 0.0, low: f64::NEG_INFINITY, high: f64::INFINITY };
 
-    /// Returns the effort for the joint velocity `x` at the end of the step \[rad/s or m/s\].
+    /// Returns the effort \[Nm or N\] for the joint velocity `x` at the end of the step \[rad/s or m/s\].
     ///
     /// ```
     /// # use motorium_robots::JointLaw;
@@ -154,17 +155,17 @@ impl MotorStep {
 }
 
 impl Actuator {
-    /// Returns the drivetrain if it is compliant.
+    /// Returns the drivetrain, or `None` if it is rigid.
     pub fn drivetrain(&self) -> Option<&Drivetrain> {
         self.drivetrain.as_ref()
     }
 
-    /// Returns the state of the motor if it moves separately from the joint; available from the first step.
+    /// Returns the state of the motor if it moves separately from the joint. `None` before the first step.
     pub fn motor(&self) -> Option<Motor> {
         self.motor
     }
 
-    /// Starts the motor of a drivetrain at the joint's state, without tension; no effect after the first
+    /// Starts the motor of a drivetrain at the joint's state, without tension. No effect after the first
     /// step.
     pub fn begin(&mut self, joint: Motor) {
         if self.drivetrain.is_some() && self.motor.is_none() {
@@ -172,7 +173,7 @@ impl Actuator {
         }
     }
 
-    /// Returns the effort on the joint in a step of `h` \[s\] that starts with the joint at `joint`; `None`
+    /// Returns the effort on the joint in a step of `h` \[s\] that starts at the joint state `joint`; `None`
     /// for a rigid drivetrain.
     ///
     /// ```
@@ -221,7 +222,7 @@ impl Actuator {
         Some(JointLaw { effort: share * (tension + give * free), slope: share * give, low, high })
     }
 
-    /// Advances the motor by a step of `h` \[s\] under the load of the joint \[Nm or N\].
+    /// Advances the motor by a step of `h` \[s\] against the load of the joint \[Nm or N\].
     pub fn apply_load(&mut self, command: &DriveCommand, load: f64, h: f64) {
         let (Some(drivetrain), Some(mut motor)) = (self.drivetrain, self.motor) else { return };
         let step = MotorStep::new(&drivetrain, &motor, command, (&self.law(motor.velocity, h), h));

@@ -1,6 +1,7 @@
 //! Actuator models: the stages between the effort commanded to a drive and the effort it delivers.
 //!
-//! Each stage is one equation with at most one state; [`Actuator`] composes them for a joint, in this order:
+//! Each stage is one equation with at most one state. [`Actuator`] composes the stages for a joint, in this
+//! order:
 //!
 //! ```text
 //! delay       command(t) = asked(t - delay)
@@ -14,11 +15,12 @@
 //!             load = dead_band(theta - q, backlash) stiffness + (theta' - q') damping
 //! ```
 //!
-//! A network may replace the law of the drive: [`ActuatorNetwork`].
+//! An [`ActuatorNetwork`] may replace the law of the drive.
 //!
-//! Lag and rate limit are discretised implicitly (backward Euler). Steps of any length are stable, and a
-//! simulator can solve for an effort that depends on the state at the end of the step: [`Actuator::law`].
-//! This also applies to the drivetrain, whose motor has its own coordinate: [`Actuator::joint_law`].
+//! Lag and rate limit are discretised implicitly (backward Euler). Steps of any length are therefore stable,
+//! and a simulator can solve for an effort that depends on the state at the end of the step: see
+//! [`Actuator::law`]. The same applies to the drivetrain, whose motor has its own coordinate: see
+//! [`Actuator::joint_law`].
 
 mod delay;
 mod drivetrain;
@@ -34,7 +36,7 @@ pub use table::{
     ActuatorTable, ActuatorTableError, DrivetrainTable, EnvelopeTable, NetworkTable, ThermalTable,
 };
 
-/// A torque-speed envelope: a motor at a limited voltage.
+/// Torque-speed envelope of a motor at a limited voltage.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Envelope {
     /// Stall effort at the supply voltage \[Nm or N\]; the effort limit of the joint may be lower.
@@ -43,7 +45,7 @@ pub struct Envelope {
     pub no_load_velocity: f64,
 }
 
-/// Heating of the winding: the effort limit falls to the continuous effort.
+/// Heating of the winding. As it heats up, the effort limit falls to the continuous effort.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Thermal {
     /// Continuous effort \[Nm or N\].
@@ -57,34 +59,34 @@ pub struct Thermal {
 pub struct ActuatorSettings {
     /// Delay of commands \[s\].
     pub delay: f64,
-    /// Torque-speed envelope; `None` uses the effort limit only.
+    /// Torque-speed envelope; `None` if only the effort limit applies.
     pub envelope: Option<Envelope>,
-    /// Heating; `None` means that the effort limit can be sustained indefinitely.
+    /// Heating of the winding; `None` if the effort limit can be sustained indefinitely.
     pub thermal: Option<Thermal>,
-    /// Time constant of the effort, a first-order lag \[s\].
+    /// Time constant of the first-order lag of the effort \[s\]; 0 for no lag.
     pub lag: f64,
-    /// Largest rate of the effort \[Nm/s or N/s\].
+    /// Maximum rate of change of the effort \[Nm/s or N/s\]; `None` if unlimited.
     pub rate_limit: Option<f64>,
-    /// Shaft and gear between motor and joint; `None` means a rigid drivetrain.
+    /// Shaft and gear between motor and joint; `None` for a rigid drivetrain.
     pub drivetrain: Option<Drivetrain>,
-    /// Network that replaces the law of the drive, if any.
+    /// Network that replaces the law of the drive; `None` if the law applies.
     pub network: Option<Arc<NetworkSettings>>,
 }
 
-/// The actuator settings are invalid.
+/// An actuator setting is out of range.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[error("{setting} = {value}: expected {expected}")]
 pub struct ActuatorError {
     /// Name of the setting.
     pub setting: &'static str,
-    /// The value found.
+    /// Actual value.
     pub value: f64,
-    /// The valid values.
+    /// Valid values, as a phrase.
     pub expected: &'static str,
 }
 
 impl ActuatorSettings {
-    /// Checks every number.
+    /// Checks every setting.
     ///
     /// # Errors
     ///
@@ -134,17 +136,17 @@ impl ActuatorSettings {
     }
 }
 
-/// Effort of one step: `clamp(share * wanted + carried, low, high)`, where the desired effort `wanted` may
-/// depend on the state at its end.
+/// Effort of one step as a function of the desired effort `wanted`, which may depend on the state at the end
+/// of the step: `clamp(share * wanted + carried, low, high)`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EffortLaw {
-    /// Fraction of the desired effort, above 0, at most 1.
+    /// Fraction of the desired effort, above 0 and at most 1.
     pub share: f64,
-    /// Contribution of the previous state \[Nm or N\].
+    /// Contribution of the state before the step \[Nm or N\].
     pub carried: f64,
-    /// Lowest effort \[Nm or N\].
+    /// Minimum effort \[Nm or N\].
     pub low: f64,
-    /// Highest effort \[Nm or N\].
+    /// Maximum effort \[Nm or N\].
     pub high: f64,
 }
 
@@ -178,11 +180,11 @@ pub struct Actuator {
 }
 
 impl Actuator {
-    /// Creates an actuator at rest, for a joint with this effort limit \[Nm or N\].
+    /// Creates an actuator at rest for a joint with the effort limit `effort_limit` \[Nm or N\].
     ///
     /// # Errors
     ///
-    /// [`ActuatorError`].
+    /// [`ActuatorError`] for the first setting out of range.
     pub fn new(settings: &ActuatorSettings, effort_limit: f64) -> Result<Self, ActuatorError> {
         settings.check()?;
         let ActuatorSettings { envelope, thermal, lag, rate_limit, drivetrain, .. } = *settings;
@@ -200,12 +202,12 @@ impl Actuator {
         })
     }
 
-    /// Effort delivered by the motor \[Nm or N\].
+    /// Returns the effort delivered by the motor \[Nm or N\].
     pub fn effort(&self) -> f64 {
         self.effort
     }
 
-    /// Heat of the winding: 0 is cold, 1 is the steady state at the continuous effort.
+    /// Returns the heat of the winding: 0 is cold, 1 is the steady state at the continuous effort.
     pub fn heat(&self) -> f64 {
         self.heat
     }
@@ -215,23 +217,23 @@ impl Actuator {
         self.limit = effort_limit.abs();
     }
 
-    /// Replaces the settings; effort, temperature and motor state are kept.
+    /// Replaces the settings. Effort, temperature and motor state are kept.
     ///
     /// # Errors
     ///
-    /// [`ActuatorError`]; the actuator is unchanged then.
+    /// [`ActuatorError`]; the actuator is then unchanged.
     pub fn set_settings(&mut self, settings: &ActuatorSettings) -> Result<(), ActuatorError> {
         let Self { effort, heat, motor, limit, .. } = *self;
         *self = Self { effort, heat, motor, ..Self::new(settings, limit)? };
         Ok(())
     }
 
-    /// Copies effort, temperature and motor state of another actuator; effort limit and settings are kept.
+    /// Copies effort, temperature and motor state from another actuator. Effort limit and settings are kept.
     pub fn resume(&mut self, other: &Self) {
         (self.effort, self.heat, self.motor) = (other.effort, other.heat, other.motor);
     }
 
-    /// Resets to rest: zero effort, cold, the motor at the joint.
+    /// Resets to rest: zero effort, cold winding, motor at the joint.
     pub fn reset(&mut self) {
         (self.effort, self.heat, self.motor) = (0.0, 0.0, None);
     }
@@ -259,7 +261,7 @@ impl Actuator {
         }
     }
 
-    /// Returns the law of a step of `h` \[s\] that starts at a velocity \[rad/s or m/s\].
+    /// Returns the effort law of a step of `h` \[s\] that starts at a velocity \[rad/s or m/s\].
     pub fn law(&self, velocity: f64, h: f64) -> EffortLaw {
         let (low, high) = self.available(velocity);
         let share = h / (self.lag + h);
@@ -272,7 +274,7 @@ impl Actuator {
         EffortLaw { share, carried, low, high }
     }
 
-    /// Applies the effort \[Nm or N\] of a step of `h` \[s\].
+    /// Advances the actuator by a step of `h` \[s\] in which it delivers an effort \[Nm or N\].
     pub fn apply(&mut self, effort: f64, h: f64) {
         self.effort = effort;
         if let Some(Thermal { continuous_effort, time_constant }) = self.thermal {
@@ -282,8 +284,8 @@ impl Actuator {
         }
     }
 
-    /// Advances by a step of `h` \[s\] at a velocity \[rad/s or m/s\] with constant desired effort `wanted`
-    /// \[Nm or N\]; returns the delivered effort.
+    /// Advances by a step of `h` \[s\] at a velocity \[rad/s or m/s\] with the constant desired effort
+    /// `wanted` \[Nm or N\]. Returns the delivered effort \[Nm or N\].
     pub fn step(&mut self, wanted: f64, velocity: f64, h: f64) -> f64 {
         let law = self.law(velocity, h);
         let effort = (law.share * wanted + law.carried).clamp(law.low, law.high);

@@ -1,4 +1,4 @@
-//! Learned actuators: networks from recent measurements of a drive to the effort of its motor.
+//! Learned actuator models: networks that map recent measurements of a drive to the effort of its motor.
 
 use std::sync::Arc;
 
@@ -35,7 +35,7 @@ impl From<Activation> for Unary {
     }
 }
 
-/// Order of a network's inputs.
+/// Order of the inputs of an actuator network.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum InputOrder {
@@ -46,7 +46,7 @@ pub enum InputOrder {
     VelocityPosition,
 }
 
-/// A multilayer perceptron with one output, in double precision.
+/// Weights of a multilayer perceptron with one output, in double precision.
 #[derive(Clone, Debug)]
 pub struct NetworkWeights {
     /// Weights (one row per output) and bias of each layer.
@@ -73,11 +73,11 @@ pub enum NetworkError {
     /// A layer has the wrong shape.
     #[error("tensor \"{tensor}\" is {found}, expected {expected}")]
     Layer {
-        /// The tensor.
+        /// Name of the tensor.
         tensor: String,
-        /// The shape found, or "missing".
+        /// Shape of the tensor, or "missing".
         found: String,
-        /// The shape expected.
+        /// Expected shape.
         expected: String,
     },
     /// The file has no layers.
@@ -88,13 +88,13 @@ pub enum NetworkError {
 }
 
 impl NetworkWeights {
-    /// Reads the layers of a safetensors file, with `inputs` inputs and one output. The tensors are
-    /// `NAME.weight` (outputs x inputs) and `NAME.bias`, in the order of the numbers in their names, as in a
-    /// `torch.nn.Sequential` of linear layers.
+    /// Reads the layers of a safetensors file. The network has `inputs` inputs and one output. The tensors
+    /// are `NAME.weight` (outputs x inputs) and `NAME.bias`, in the order of the numbers in their names, as
+    /// in a `torch.nn.Sequential` of linear layers.
     ///
     /// # Errors
     ///
-    /// [`NetworkError`].
+    /// [`NetworkError`] if the file is not such a network.
     pub fn read(bytes: &[u8], inputs: usize, activation: Activation) -> Result<Self, NetworkError> {
         let Tensors { tensors, .. } = safetensors::read(bytes)?;
         let shape = |tensor: Option<&Tensor<f64>>| {
@@ -141,27 +141,27 @@ fn number(name: &str) -> Option<u64> {
     digits.parse().ok()
 }
 
-/// A network with the interpretation of its inputs and output.
+/// An actuator network with the interpretation of its inputs and output.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NetworkSettings {
-    /// The network; it has two inputs for each of `times`.
+    /// Weights of the network, which has two inputs for each of `times`.
     pub weights: NetworkWeights,
     /// Ages of the input measurements \[s\], in the order of the inputs.
     pub times: Vec<f64>,
     /// Order of the inputs.
     pub input_order: InputOrder,
-    /// Scale of position errors at the input \[1/rad or 1/m\].
+    /// Factor that multiplies position errors at the input \[1/rad or 1/m\].
     pub position_scale: f64,
-    /// Scale of velocities at the input \[s/rad or s/m\].
+    /// Factor that multiplies velocities at the input \[s/rad or s/m\].
     pub velocity_scale: f64,
-    /// Effort that corresponds to an output of one \[Nm or N\].
+    /// Effort at the motor for an output of one \[Nm or N\].
     pub effort_scale: f64,
 }
 
-/// A learned actuator network (Hwangbo et al. 2019): computes the effort of a motor from current and past
-/// position errors and velocities of its joint.
+/// A learned actuator (Hwangbo et al. 2019): computes the effort of a motor from current and past position
+/// errors and velocities of its joint.
 ///
-/// Times before the first measurement use the first measurement.
+/// Inputs at times before the first measurement use the first measurement.
 #[derive(Clone, Debug)]
 pub struct ActuatorNetwork {
     settings: Arc<NetworkSettings>,
@@ -197,7 +197,7 @@ impl ActuatorNetwork {
         settings.effort_scale * program.output(0)[0]
     }
 
-    /// Advances by `dt` \[s\] after a measurement.
+    /// Adds a measurement and advances by `dt` \[s\].
     pub fn advance(&mut self, error: f64, velocity: f64, dt: f64) {
         let newest = [error, velocity];
         self.first.get_or_insert(newest);

@@ -15,9 +15,10 @@ use crate::Model;
 /// Maximum size of an actuator network file, bytes. Networks have a few thousand weights.
 const LONGEST_NETWORK: u64 = 256 * 1024 * 1024;
 
-/// Stages between the commanded effort and the effort on the joint. The default is an ideal actuator.
+/// Model of an actuator: the stages between the commanded effort and the effort on the joint. The default is
+/// an ideal actuator.
 ///
-/// `T` is the caller's type for times.
+/// `T` is the type that the caller uses for times.
 ///
 /// ```toml
 /// delay      = "2 ms"
@@ -42,11 +43,11 @@ pub struct ActuatorTable<T: Default> {
     /// Time constant of the first-order lag of the effort. Default 0.
     #[serde(default)]
     pub lag: T,
-    /// Largest rate of the effort, N m/s or N/s. Default: unlimited.
+    /// Maximum rate of change of the effort, N m/s or N/s. Default: unlimited.
     pub rate_limit: Option<f64>,
     /// Series elasticity and backlash between motor and joint. Default: a rigid drivetrain.
     pub drivetrain: Option<DrivetrainTable>,
-    /// A learned network in place of the drive's law. Default: the law.
+    /// A learned network that replaces the drive's law. Default: no network.
     pub network: Option<NetworkTable<T>>,
 }
 
@@ -56,7 +57,7 @@ pub struct ActuatorTable<T: Default> {
 #[serde(deny_unknown_fields)]
 #[schemars(rename = "EnvelopeConfig")]
 pub struct EnvelopeTable {
-    /// Stall effort, N m or N; the effort limit of the joint applies as well.
+    /// Stall effort, N m or N. The effort limit of the joint applies as well.
     pub stall_effort: f64,
     /// Velocity at which the available effort is zero, rad/s or m/s.
     pub no_load_velocity: f64,
@@ -73,8 +74,8 @@ pub struct ThermalTable<T> {
     pub time_constant: T,
 }
 
-/// A motor with its own inertia, and the spring, damper and gap between motor and joint. All values are at
-/// the joint. The drive closes its loops on the motor.
+/// Compliant drivetrain: a motor with its own inertia, and the spring, damper and gap between motor and
+/// joint. All values are at the joint. The drive closes its loops on the motor.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(rename = "DrivetrainConfig")]
@@ -101,22 +102,22 @@ pub struct NetworkTable<T> {
     /// on are named as in a `torch.nn.Sequential`.
     #[schemars(extend("format" = "path"))]
     pub file: String,
-    /// Function between the layers. Default `softsign`.
+    /// Activation function between the layers. Default `softsign`.
     #[serde(default)]
     pub activation: Activation,
     /// Ages of the input measurements, in the order of the inputs. Default `["0 ms", "10 ms", "20 ms"]`.
     #[serde(default)]
     pub times: Option<Vec<T>>,
-    /// Order of the inputs. Default: all position errors first.
+    /// Order of the inputs. Default: all position errors before all velocities.
     #[serde(default)]
     pub input_order: InputOrder,
-    /// Scale of position errors at the input. Default 1.
+    /// Factor that multiplies position errors at the input. Default 1.
     #[serde(default = "one")]
     pub position_scale: f64,
-    /// Scale of velocities at the input. Default 1.
+    /// Factor that multiplies velocities at the input. Default 1.
     #[serde(default = "one")]
     pub velocity_scale: f64,
-    /// Effort that corresponds to an output of one, N m or N. Default 1.
+    /// Effort for an output of one, N m or N. Default 1.
     #[serde(default = "one")]
     pub effort_scale: f64,
 }
@@ -130,15 +131,15 @@ const TIMES: [f64; 3] = [0.0, 0.01, 0.02];
 /// Maximum number of measurement times of a network.
 const MOST_TIMES: usize = 64;
 
-/// An error in the actuator tables.
+/// A key of the actuator tables is not valid.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{key}: {message}")]
 pub struct ActuatorTableError {
-    /// The invalid key, dotted.
+    /// Dotted path of the key.
     pub key: String,
-    /// The value found and the valid values.
+    /// Actual and valid values.
     pub message: String,
-    /// Suggested fix, if any.
+    /// Suggested action.
     pub advice: Option<String>,
 }
 
@@ -153,11 +154,12 @@ impl ActuatorTableError {
 }
 
 impl<T: Copy + Default> ActuatorTable<T> {
-    /// Converts the table at `key` to settings; files are read from `folder`, `seconds` converts a time.
+    /// Converts the table at `key` to settings. Network files are read from `folder`, and `seconds` converts
+    /// times.
     ///
     /// # Errors
     ///
-    /// [`ActuatorTableError`].
+    /// [`ActuatorTableError`] for the first key that is not valid.
     pub fn settings(
         &self,
         key: &str,
@@ -193,12 +195,12 @@ impl<T: Copy + Default> ActuatorTable<T> {
         settings.check().map(|()| settings).map_err(refused)
     }
 
-    /// Returns the actuators of the joints of a model: `of_all`, overridden by actuators of single joints.
-    /// Empty if all are ideal.
+    /// Returns the actuator settings of all joints of a model: `of_all`, overridden by the tables of single
+    /// joints. The list is empty if all actuators are ideal.
     ///
     /// # Errors
     ///
-    /// [`ActuatorTableError`].
+    /// [`ActuatorTableError`] for the first key that is not valid, or for an unknown joint.
     pub fn of_joints(
         (of_all, of_joints): (Option<&Self>, &BTreeMap<String, Self>),
         model: &Model,
@@ -214,7 +216,7 @@ impl<T: Copy + Default> ActuatorTable<T> {
             let key = format!("actuators.{name}");
             let Some(joint) = model.joint_index(name) else {
                 let message = format!("robot `{}` has no joint `{name}`", model.name());
-                let advice = format!("it has: {}", model.joint_names().join(", "));
+                let advice = format!("use one of its joints: {}", model.joint_names().join(", "));
                 return Err(ActuatorTableError::new(key, message).advise(advice));
             };
             settings[joint] = Some(table.settings(&key, folder, seconds)?);

@@ -11,12 +11,12 @@ pub enum ConstrainedError {
     /// The mass matrix is singular.
     #[error(transparent)]
     Mass(#[from] SingularMassMatrix),
-    /// A constraint depends linearly on previous ones.
+    /// A constraint is a linear combination of the constraints before it.
     #[error(
-        "row {row} of the constraint depends on the rows before it; remove it, or regularise with a damping above 0"
+        "row {row} of the constraint depends linearly on the rows before it; remove it, or regularise with a damping above 0"
     )]
     Redundant {
-        /// Row of the constraint's Jacobian.
+        /// Index of the row in the constraint's Jacobian.
         row: usize,
     },
 }
@@ -24,8 +24,8 @@ pub enum ConstrainedError {
 /// Workspace for the forward dynamics of one [`Model`] under a fixed number of constraints. Nothing allocates
 /// after [`new`](Self::new).
 ///
-/// By Gauss's principle, the acceleration is the one with `J a + drift = 0` that is nearest to the free
-/// acceleration in the metric of M:
+/// By Gauss's principle, the acceleration is the one that satisfies `J a + drift = 0` and is nearest to the
+/// unconstrained acceleration in the metric of M:
 ///
 /// ```text
 /// M a = tau - C v - g + J' lambda        (J M^-1 J' + damping 1) lambda = -(J a_free + drift)
@@ -40,12 +40,12 @@ pub struct ConstrainedDynamics {
     bias: DVector<f64>,
 }
 
-/// The constraint `jacobian * a + drift = 0`.
+/// A constraint `jacobian * a + drift = 0` on the acceleration `a`.
 #[derive(Clone, Copy, Debug)]
 pub struct Constraint<'a> {
-    /// One row per constrained direction, nv columns.
+    /// Jacobian of the constraint: one row per constrained direction, nv columns.
     pub jacobian: &'a DMatrix<f64>,
-    /// `Jdot v`, plus any drift correction. One entry per row.
+    /// Drift `Jdot v`, plus any drift correction. One entry per row.
     pub drift: &'a [f64],
     /// Compliance added to the diagonal \[1/kg\]; 0 for a rigid constraint, which must then not be redundant.
     pub damping: f64,
@@ -62,12 +62,12 @@ impl ConstrainedDynamics {
         }
     }
 
-    /// Computes the acceleration `a_out` (nv) and the constraint forces `lambda_out` (one per row, positive
-    /// along its row of the Jacobian).
+    /// Computes the acceleration `a_out` (nv) and the constraint forces `lambda_out`, one per row. A force is
+    /// positive along its row of the Jacobian.
     ///
     /// # Errors
     ///
-    /// [`ConstrainedError`]; the outputs are then unspecified.
+    /// [`ConstrainedError`]. The outputs are then unspecified.
     pub fn forward(
         &mut self,
         model: &Model,

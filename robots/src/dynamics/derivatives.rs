@@ -14,22 +14,23 @@ use crate::Model;
 use crate::math::{Spatial, V3, Work, fused, widest};
 use crate::model::flat::FlatModel;
 
-/// Derivatives of a vector of efforts or accelerations, each nv x nv.
+/// Derivatives of a vector of efforts or accelerations. Each is nv x nv.
 ///
 /// Derivatives with respect to `q` are along the manifold: column `i` is the change for
 /// `integrate(q, e_i dt)`, per `dt`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Derivatives {
-    /// With respect to the configuration.
+    /// Derivative with respect to the configuration.
     pub q: DMatrix<f64>,
-    /// With respect to the velocity.
+    /// Derivative with respect to the velocity.
     pub v: DMatrix<f64>,
-    /// With respect to accelerations (inverse dynamics: `M`) or efforts (forward dynamics: `M^-1`).
+    /// Derivative with respect to the accelerations (inverse dynamics: `M`) or the efforts (forward dynamics:
+    /// `M^-1`).
     pub input: DMatrix<f64>,
 }
 
 impl Derivatives {
-    /// Allocates the derivatives of `model`.
+    /// Allocates derivatives of the size of `model`.
     pub fn new(model: &Model) -> Self {
         let zeros = DMatrix::zeros(model.nv(), model.nv());
         Self { q: zeros.clone(), v: zeros.clone(), input: zeros }
@@ -37,7 +38,8 @@ impl Derivatives {
 }
 
 impl Dynamics {
-    /// Computes the derivatives of [`rnea`](Self::rnea): of `tau` with respect to `q`, `v` and `a`.
+    /// Computes the derivatives of `tau`, the result of [`rnea`](Self::rnea), with respect to `q`, `v` and
+    /// `a`.
     pub fn rnea_derivatives(
         &mut self,
         model: &Model,
@@ -74,12 +76,12 @@ impl Dynamics {
         }
     }
 
-    /// Computes the derivatives of [`forward`](Self::forward): of `a` with respect to `q`, `v` and `tau`.
-    /// Also returns `a`.
+    /// Computes the derivatives of `a`, the result of [`forward`](Self::forward), with respect to `q`, `v`
+    /// and `tau`. Also returns `a`.
     ///
     /// # Errors
     ///
-    /// [`SingularMassMatrix`]; the outputs are then unspecified.
+    /// [`SingularMassMatrix`]. The outputs are then unspecified.
     pub fn forward_derivatives(
         &mut self,
         model: &Model,

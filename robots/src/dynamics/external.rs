@@ -5,7 +5,7 @@ use nalgebra::Vector3;
 use crate::math::{Spatial, V3};
 use crate::model::flat::FramePlacement;
 
-/// A force and a moment at the origin of a frame, in its axes.
+/// A force and a moment at the origin of a frame, in the axes of the frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Wrench {
     /// Force \[N\].

@@ -5,10 +5,10 @@ use nalgebra::DMatrix;
 use crate::Model;
 use crate::math::{Work, fused, widest};
 
-/// The mass matrix is not positive definite: a joint moves no inertia.
+/// The mass matrix is not positive definite, because a joint moves no inertia.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "the mass matrix is not positive definite at entry {index} of v: the links beyond that joint have no inertia; \
+    "the mass matrix is not positive definite at entry {index} of v, because the links beyond that joint have no inertia; \
      give them a mass and a rotational inertia, or make the joint fixed"
 )]
 pub struct SingularMassMatrix {
@@ -16,8 +16,8 @@ pub struct SingularMassMatrix {
     pub index: usize,
 }
 
-/// `M = L' D L` with L unit lower triangular. Column `i` and row `j` of L have an entry only if joint `j`
-/// carries joint `i`, as in M itself.
+/// The factors of a mass matrix `M = L' D L` with L unit lower triangular. Column `i` and row `j` of L have
+/// an entry only if joint `j` carries joint `i`, as in M itself.
 #[derive(Clone, Debug)]
 pub struct MassFactor {
     above: Vec<usize>,
@@ -28,17 +28,17 @@ pub struct MassFactor {
 }
 
 impl MassFactor {
-    /// Allocates the factor of `model`'s mass matrix.
+    /// Allocates a factor of the size of `model`'s mass matrix.
     pub fn new(model: &Model) -> Self {
         let n = model.nv();
         Self { above: model.flat().above.clone(), factor: DMatrix::identity(n, n), scales: vec![1.0; n] }
     }
 
-    /// Factorises `mass`. Only its upper triangle is read.
+    /// Factorises the mass matrix `mass`. Only its upper triangle is read.
     ///
     /// # Errors
     ///
-    /// [`SingularMassMatrix`]; the factor is then unspecified.
+    /// [`SingularMassMatrix`]. The factor is then unspecified.
     pub fn factor(&mut self, mass: &DMatrix<f64>) -> Result<(), SingularMassMatrix> {
         widest(Factor { factor: self, mass })
     }
@@ -79,7 +79,7 @@ impl MassFactor {
         Ok(())
     }
 
-    /// Solves `M x = b` in place.
+    /// Replaces the right-hand side `b` in `x` by the solution of `M x = b`.
     pub fn solve(&self, x: &mut [f64]) {
         let n = self.above.len();
         assert_eq!(x.len(), n, "length of the right-hand side");
@@ -108,8 +108,8 @@ impl MassFactor {
         }
     }
 
-    /// Extends `marked` (nv) to the entries of v whose joints carry a marked one: the support of `M^-1` times
-    /// a vector that is nonzero on the marked entries.
+    /// Extends `marked` (nv) to all entries of v whose joints carry a marked entry. The result is the support
+    /// of `M^-1` times a vector that is nonzero on the marked entries.
     pub fn mark_carriers(&self, marked: &mut [bool]) {
         assert_eq!(marked.len(), self.above.len(), "length of the marks");
         for k in (0..marked.len()).rev() {
@@ -117,11 +117,11 @@ impl MassFactor {
         }
     }
 
-    /// Computes half of the solution for four right-hand sides simultaneously: `y = D^-1/2 L'^-1 b`, so that
-    /// `b1' M^-1 b2 = y1' y2`.
+    /// Computes half of the solution for four right-hand sides `b` simultaneously: `y = D^-1/2 L'^-1 b`, so
+    /// that `b1' M^-1 b2 = y1' y2`.
     ///
-    /// Row k of `y` contains entry k of each side. `support` lists the nonzero rows in ascending order,
-    /// carriers [included](Self::mark_carriers); other rows are not read.
+    /// Row k of `y` contains entry k of each right-hand side. `support` lists the nonzero rows in ascending
+    /// order, [including carriers](Self::mark_carriers). Other rows are not read.
     pub fn half_solve(&self, support: &[u32], y: &mut [[f64; 4]]) {
         let n = self.above.len();
         assert_eq!(y.len(), n, "length of the right-hand sides");
@@ -142,8 +142,8 @@ impl MassFactor {
         }
     }
 
-    /// Computes the other half, `x = L^-1 D^-1/2 y`, in place, so that `x = M^-1 b` for the `y` of
-    /// [`half_solve`](Self::half_solve).
+    /// Computes the second half of the solution, `x = L^-1 D^-1/2 y`, in place. With the `y` of
+    /// [`half_solve`](Self::half_solve), `x = M^-1 b`.
     pub fn finish_solve(&self, x: &mut [f64]) {
         let n = self.above.len();
         assert_eq!(x.len(), n, "length of the right-hand side");
@@ -160,8 +160,8 @@ impl MassFactor {
         }
     }
 
-    /// Solves `X M = B` in place, for any number of rows. M is symmetric, so this is the transpose of
-    /// `M X' = B'`.
+    /// Replaces `B` in `b` by the solution of `X M = B`, for any number of rows. M is symmetric, so this is
+    /// the transpose of `M X' = B'`.
     pub fn solve_right(&self, b: &mut DMatrix<f64>) {
         widest(SolveRight { factor: self, b });
     }
@@ -195,7 +195,7 @@ impl MassFactor {
         }
     }
 
-    /// Computes `M^-1`, both triangles.
+    /// Computes the inverse `M^-1`, both triangles.
     pub fn inverse(&self, out: &mut DMatrix<f64>) {
         widest(Inverse { factor: self, out });
     }

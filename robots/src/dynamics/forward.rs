@@ -8,12 +8,12 @@ use crate::{FrameId, Model};
 impl Dynamics {
     /// Computes forward dynamics: `a_out = M(q)^-1 (tau - C(q, v) v - g(q))` \[rad/s2 or m/s2\].
     ///
-    /// Uses the articulated body algorithm, in O(nv). With mimic joints, which form loops, it uses the mass
-    /// matrix and its factor, in O(nv^3).
+    /// Uses the articulated body algorithm, in O(nv). Models with mimic joints, which form loops, use the
+    /// mass matrix and its factor, in O(nv^3).
     ///
     /// # Errors
     ///
-    /// [`SingularMassMatrix`]; `a_out` is then unspecified.
+    /// [`SingularMassMatrix`]. `a_out` is then unspecified.
     pub fn forward(
         &mut self,
         model: &Model,
@@ -27,7 +27,7 @@ impl Dynamics {
     }
 
     /// Like [`forward`](Self::forward), with external wrenches: `a_out = M^-1 (tau - C v - g + sum J' f)`.
-    /// Each wrench acts at the origin of its frame and is expressed in its axes.
+    /// Each wrench acts at the origin of its frame, in the axes of the frame.
     ///
     /// # Errors
     ///
@@ -61,7 +61,7 @@ impl Dynamics {
     ///
     /// # Errors
     ///
-    /// [`SingularMassMatrix`].
+    /// [`SingularMassMatrix`] if a joint moves no inertia.
     pub fn inverse_mass(
         &mut self,
         model: &Model,
@@ -73,12 +73,12 @@ impl Dynamics {
         Ok(())
     }
 
-    /// Factorises the mass matrix at `q`. The factor can be used for any number of solves until the next call
-    /// with a `q` argument.
+    /// Factorises the mass matrix at `q`. The returned factor solves any number of systems; the next call
+    /// with a `q` argument overwrites it.
     ///
     /// # Errors
     ///
-    /// [`SingularMassMatrix`].
+    /// [`SingularMassMatrix`] if a joint moves no inertia.
     pub fn factor_mass(&mut self, model: &Model, q: &[f64]) -> Result<&MassFactor, SingularMassMatrix> {
         // Move the matrix out of `self` for the call; the empty replacement does not allocate.
         let mut mass = std::mem::replace(&mut self.mass, DMatrix::zeros(0, 0));

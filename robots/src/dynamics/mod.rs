@@ -2,8 +2,8 @@
 //!
 //! Two coordinate systems are used, each where it is cheaper. Newton-Euler runs in the bodies' frames.
 //! Algorithms with composite or articulated inertias run in *base coordinates*, the axes and origin of the
-//! base. There, adding the inertia of a child to its parent needs no transformation, and the pose of a
-//! floating base cancels.
+//! base. In base coordinates, adding the inertia of a child to its parent needs no transformation, and the
+//! pose of a floating base cancels.
 
 mod aba;
 mod base_sweep;

@@ -7,18 +7,18 @@ use crate::Model;
 use crate::math::{M3, Spatial, V3, Work, widest};
 use crate::model::flat::FlatModel;
 
-/// Momentum of a whole robot, or its rate, about the centre of mass in world axes.
+/// Momentum of a whole robot about its centre of mass, in world axes, or the rate of this momentum.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Momentum {
-    /// Linear \[kg m/s\], its rate \[N\].
+    /// Linear momentum \[kg m/s\], or its rate \[N\].
     pub linear: Vector3<f64>,
-    /// Angular, about the centre of mass \[kg m2/s\], its rate \[Nm\].
+    /// Angular momentum about the centre of mass \[kg m2/s\], or its rate \[Nm\].
     pub angular: Vector3<f64>,
 }
 
 impl Dynamics {
-    /// Computes the centroidal momentum matrix (6 x nv, linear rows first): `out * v` is the momentum of all
-    /// moving parts, about the centre of mass, in world axes.
+    /// Computes the centroidal momentum matrix (6 x nv, linear rows first). `out * v` is the momentum of all
+    /// moving bodies about the centre of mass, in world axes.
     pub fn centroidal_map<R: Dim, C: Dim, S: StorageMut<f64, R, C>>(
         &mut self,
         model: &Model,
@@ -49,7 +49,7 @@ impl Dynamics {
         }
     }
 
-    /// Returns the momentum of all moving parts, about the centre of mass, in world axes.
+    /// Returns the momentum of all moving bodies about the centre of mass, in world axes.
     pub fn momentum(&mut self, model: &Model, q: &[f64], v: &[f64]) -> Momentum {
         assert_eq!(v.len(), model.nv(), "length of v");
         let flat = model.flat();
@@ -71,8 +71,8 @@ impl Dynamics {
         sum
     }
 
-    /// Changes the velocity of a floating base, the first six entries of `v`, so that the robot has this
-    /// momentum. Returns `false` without changes for a fixed base or a singular inertia.
+    /// Sets the velocity of a floating base, the first six entries of `v`, such that the robot has this
+    /// momentum. Returns `false` and changes nothing if the base is fixed or the inertia is singular.
     ///
     /// ```
     /// use std::path::Path;
@@ -110,8 +110,8 @@ impl Dynamics {
         true
     }
 
-    /// Returns the rate of the momentum of all moving parts, about the centre of mass, in world axes:
-    /// `Ag a + Agdot v`. With `a = 0` it is the drift `Agdot v`.
+    /// Returns the rate of the momentum of all moving bodies about the centre of mass, in world axes: `Ag a +
+    /// Agdot v`. With `a = 0` it is the drift `Agdot v`.
     pub fn momentum_rate(&mut self, model: &Model, q: &[f64], v: &[f64], a: &[f64]) -> Momentum {
         // Without gravity, the wrench at the base is the rate of change of the momentum.
         self.base_wrench(model, q, v, a);
@@ -131,8 +131,8 @@ impl Dynamics {
         energy
     }
 
-    /// Returns the potential energy of all moving parts \[J\], zero when the centre of mass is at the world's
-    /// origin.
+    /// Returns the potential energy of all moving bodies \[J\]. It is zero when the centre of mass is at the
+    /// world's origin.
     pub fn potential_energy(&mut self, model: &Model, q: &[f64], gravity: Vector3<f64>) -> f64 {
         let (axes, _) = self.compose(model, q);
         let (_, position) = model.flat().base_pose(q);

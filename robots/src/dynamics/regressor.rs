@@ -7,12 +7,13 @@ use super::Dynamics;
 use crate::Model;
 use crate::math::{M3, Spatial, V3};
 
-/// Parameters of one body: mass, mass times centre of mass (x, y, z), then the inertia about the origin of
-/// the body frame as xx, xy, yy, xz, yz, zz (Pinocchio's order), all in the axes of the body frame.
+/// Number of inertial parameters of one body: mass, mass times centre of mass (x, y, z), then the inertia
+/// about the origin of the body frame as xx, xy, yy, xz, yz, zz (Pinocchio's order). All are in the axes of
+/// the body frame.
 pub const PARAMETERS: usize = 10;
 
 impl Model {
-    /// Returns the inertial parameters, ten per body, in the order of [`bodies`](Self::bodies); a floating
+    /// Returns the inertial parameters, ten per body in the order of [`bodies`](Self::bodies). A floating
     /// base comes first.
     pub fn inertial_parameters(&self) -> DVector<f64> {
         let base = self.base().floating.then_some(&self.base().inertia);
@@ -37,16 +38,16 @@ impl Model {
         DVector::from_vec(numbers)
     }
 
-    /// Number of columns of the regressor: ten per body and for a floating base.
+    /// Returns the number of columns of the regressor: ten per body, including a floating base.
     pub fn parameter_count(&self) -> usize {
         PARAMETERS * (self.bodies().len() + usize::from(self.base().floating))
     }
 }
 
 impl Dynamics {
-    /// Computes the regressor of inverse dynamics (nv x [`Model::parameter_count`]):
-    /// `rnea(q, v, a) = out * model.inertial_parameters()`, plus armature times acceleration for joints with
-    /// a rotor inertia.
+    /// Computes the regressor of inverse dynamics (nv x [`Model::parameter_count`]), such that `rnea(q, v, a)
+    /// = out * model.inertial_parameters()`. For joints with a rotor inertia, armature times acceleration is
+    /// added.
     pub fn regressor(
         &mut self,
         model: &Model,

@@ -24,9 +24,9 @@ impl Local {
 }
 
 impl Dynamics {
-    /// Computes inverse dynamics: `tau_out = M(q) a + C(q, v) v + g(q)` \[Nm or N\]. On a floating base the
-    /// first six entries are the external wrench that the motion would require, at the base's origin and in
-    /// its axes.
+    /// Computes inverse dynamics: `tau_out = M(q) a + C(q, v) v + g(q)` \[Nm or N\]. For a floating base, the
+    /// first six entries are the external wrench that the motion would require, at the base's origin in base
+    /// axes.
     pub fn rnea(
         &mut self,
         model: &Model,
@@ -48,7 +48,7 @@ impl Dynamics {
 
     /// Like [`rnea`](Self::rnea), with external wrenches: `tau_out = M a + C v + g - sum J' f`.
     ///
-    /// Each wrench acts at the origin of its frame and is expressed in its axes.
+    /// Each wrench acts at the origin of its frame, in the axes of the frame.
     pub fn rnea_external(
         &mut self,
         model: &Model,

@@ -2,13 +2,13 @@
 
 use std::collections::BTreeMap;
 
-/// Red, green and blue, 0 to 1 each.
+/// Colour: red, green and blue, 0 to 1 each.
 pub type Colour = [f64; 3];
 
 /// Colours of links without a colour in the file: the base, then alternating links.
 const PLAIN: [Colour; 3] = [[0.55, 0.57, 0.6], [0.93, 0.93, 0.93], [0.72, 0.77, 0.84]];
 
-/// Colours of the links of a robot, from the visuals of its URDF or the geoms of its MJCF.
+/// Colours of the links of a robot, from the visuals of a URDF or the geoms of an MJCF file.
 ///
 /// ```
 /// use motorium_robots::LinkColours;
@@ -43,14 +43,15 @@ impl LinkColours {
         self
     }
 
-    /// Returns the colour of a shape of a link: the visual at index `place` of the link, otherwise its last
-    /// visual, otherwise a default chosen by the moving `body` of the link (`None` for the base).
+    /// Returns the colour of a shape of a link. This is the colour of the visual at index `place` of the
+    /// link, or else of its last visual. If the file specifies neither, it is a default chosen by the moving
+    /// `body` of the link (`None` for the base).
     pub fn of_shape(&self, link: &str, place: usize, body: Option<usize>) -> Colour {
         self.stated(link, place).unwrap_or(PLAIN[body.map_or(0, |body| 1 + body % 2)])
     }
 
-    /// Returns the colour of the visual at index `place` of a link, otherwise of its last visual, if the file
-    /// specifies one.
+    /// Returns the colour that the file specifies for the visual at index `place` of a link, or else for its
+    /// last visual. `None` if the file specifies neither.
     pub fn stated(&self, link: &str, place: usize) -> Option<Colour> {
         self.0.get(link).and_then(|colours| colours.get(place).or(colours.last())).copied().flatten()
     }

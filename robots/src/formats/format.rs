@@ -1,16 +1,17 @@
 //! Formats of robot files.
 
-/// Format of a robot file.
+/// Accepted formats of a robot file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum FileFormat {
-    /// URDF, or MJCF if the root element is `<mujoco>`. In a folder with both, the URDF is used.
+    /// URDF, or MJCF if the root element is `<mujoco>`. If a folder contains both, the URDF is used.
     #[default]
     Any,
-    /// MJCF. Not used in the catalogue.
+    /// MJCF only. Robots of the catalogue are not considered.
     Mjcf,
 }
 
-/// Returns `true` if the root element of an XML text is `<mujoco>`, after any declarations and comments.
+/// Returns `true` if the root element of an XML text is `<mujoco>`. Declarations and comments before it are
+/// skipped.
 pub fn is_mjcf(text: &str) -> bool {
     let mut rest = text;
     while let Some(start) = rest.find('<') {

@@ -6,16 +6,16 @@ use std::path::PathBuf;
 /// A position in a text file; line and column are counted from 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Position {
-    /// Line.
+    /// Line number.
     pub line: u32,
-    /// Column, in characters.
+    /// Column number, in characters.
     pub column: u32,
 }
 
 /// A position in a file, written as `FILE:LINE:COLUMN`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FilePosition {
-    /// The file, if the text came from one.
+    /// Path of the file; `None` if the text is not from a file.
     pub file: Option<PathBuf>,
     /// Line and column.
     pub at: Position,

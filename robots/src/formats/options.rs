@@ -7,8 +7,8 @@ use crate::{FileFormat, PackagePath};
 /// Treatment of the root link: fixed to the world or floating.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum BaseMode {
-    /// As in the robot's files: the root link is floating if the profile specifies it; otherwise it is fixed
-    /// to the world, unless the only joint that moves it is `floating`.
+    /// As in the robot's files: the root link is floating if the profile specifies it. Otherwise it is fixed
+    /// to the world, unless the only joint that moves it has the type `floating`.
     #[default]
     AsFile,
     /// The root link floats.
@@ -24,17 +24,17 @@ pub struct LoadOptions {
     pub base: BaseMode,
     /// Treatment of mimic joints.
     pub mimic: MimicMode,
-    /// Folders searched for packages before `ROS_PACKAGE_PATH` and `AMENT_PREFIX_PATH`.
+    /// Folders searched for packages before those in `ROS_PACKAGE_PATH` and `AMENT_PREFIX_PATH`.
     pub packages: PackagePath,
-    /// Choice of the profile.
+    /// Source of the profile.
     pub profile: ProfileChoice,
-    /// Shapes used in the model.
+    /// Shapes of the file that are used in the model.
     pub shapes: ShapeSource,
-    /// Required format of the file.
+    /// Accepted format of the file.
     pub format: FileFormat,
 }
 
-/// Shapes of a file that are used in its [`Model`](crate::Model).
+/// Shapes of a robot file that are used in its [`Model`](crate::Model).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ShapeSource {
     /// Collision shapes.
@@ -47,7 +47,7 @@ pub enum ShapeSource {
 /// Source of a robot's profile.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum ProfileChoice {
-    /// The catalogue's profile, or the `.toml` with the same name next to the file, if it exists.
+    /// The catalogue's profile, or else the `.toml` with the name of the robot file next to it, if it exists.
     #[default]
     Own,
     /// The profile in a file.
@@ -59,9 +59,9 @@ pub enum ProfileChoice {
 /// Treatment of mimic joints.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum MimicMode {
-    /// Every mimic joint follows its master, as in the file.
+    /// Every mimic joint follows the joint that it mimics, as in the file.
     #[default]
     Follow,
-    /// Every mimic joint is independent, with its own coordinate.
+    /// Every mimic joint is an independent joint with a separate coordinate.
     Independent,
 }

@@ -24,14 +24,14 @@ impl PackagePath {
         Self { folders: read("ROS_PACKAGE_PATH"), prefixes: read("AMENT_PREFIX_PATH") }
     }
 
-    /// Resolves `uri`: `package://NAME/PATH`, `model://NAME/PATH`, `file://PATH` or a path relative to
-    /// `file`, the URDF that refers to it. Packages are searched in the folders, the prefixes and the
-    /// ancestors of `file`. For a robot copied out of its package, an ancestor of `file` with the name of a
-    /// folder in `PATH` is used.
+    /// Resolves `uri` to a path: `package://NAME/PATH`, `model://NAME/PATH`, `file://PATH`, or a path
+    /// relative to `file`, the URDF that contains it. Packages are searched in the folders, the prefixes and
+    /// the ancestors of `file`. If a robot was copied out of its package, an ancestor of `file` with the name
+    /// of a folder in `PATH` is used.
     ///
     /// # Errors
     ///
-    /// The folders searched without success.
+    /// The folders that were searched without success.
     pub fn resolve(&self, uri: &str, file: Option<&Path>) -> Result<PathBuf, Vec<PathBuf>> {
         let package = uri.strip_prefix("package://").or_else(|| uri.strip_prefix("model://"));
         let Some((name, path)) = package.map(|rest| rest.split_once('/').unwrap_or((rest, ""))) else {

@@ -12,25 +12,25 @@ use nalgebra::{Isometry3, IsometryMatrix3, Point3, Rotation3, Unit, Vector3};
 use parry3d_f64::query::gjk::VoronoiSimplex;
 use parry3d_f64::query::{ClosestPoints, DefaultQueryDispatcher, QueryDispatcher};
 
-/// Distance between two solids.
+/// Signed distance between two solids, with the nearest points.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Proximity {
     /// Index in [`CollisionModel::pairs`].
     pub pair: usize,
     /// Signed distance \[m\]: the gap, or the negative penetration depth.
     pub distance: f64,
-    /// Point of each solid nearest to (or deepest in) the other solid, in the world \[m\].
+    /// Point of each solid that is nearest to the other solid, or deepest in it, in the world \[m\].
     pub points: [Point3<f64>; 2],
-    /// Direction from the first to the second solid, in world axes:
-    /// `distance == normal . (points[1] - points[0])`.
+    /// Unit vector from the first to the second solid, in world axes, such that `distance == normal .
+    /// (points[1] - points[0])`.
     pub normal: Unit<Vector3<f64>>,
-    /// `true` if the search for the nearest points failed. `distance` is then only a lower bound, from the
-    /// bounding spheres or NaN, and points and normal belong to the spheres.
+    /// `true` if the search for the nearest points failed. `distance` is then only a lower bound, computed
+    /// from the bounding spheres, or NaN. Points and normal then belong to the bounding spheres.
     pub is_bound: bool,
 }
 
-/// Workspace for the distances of one [`CollisionModel`]. Only [`new`](Self::new) allocates, except for pairs
-/// with a [`MeshMode::Surface`](super::MeshMode).
+/// Workspace for the distances between the solids of one [`CollisionModel`]. Only [`new`](Self::new)
+/// allocates, except for pairs with a [`MeshMode::Surface`](super::MeshMode).
 pub struct Collisions {
     pub(super) rotations: Vec<M3>,
     pub(super) positions: Vec<V3>,
@@ -61,12 +61,13 @@ impl Collisions {
     }
 
     /// Places the robot's solids according to `kinematics`, whose last update must have covered all bodies.
-    /// With several robots, only the first is placed.
+    /// If the model contains several robots, only the first is placed.
     pub fn update(&mut self, model: &CollisionModel, kinematics: &Kinematics) {
         self.update_robot(model, 0, kinematics);
     }
 
-    /// Moves the obstacle of solid `index`; `pose` replaces its initial placement in the world.
+    /// Moves the obstacle with solid index `index` to `pose` in the world, which replaces its initial
+    /// placement.
     ///
     /// Panics if `index` is not an obstacle.
     pub fn move_obstacle(&mut self, model: &CollisionModel, index: usize, pose: &Isometry3<f64>) {
@@ -82,14 +83,14 @@ impl Collisions {
         self.positions[index] = (pose * inverse * Point3::from(p)).coords.into();
     }
 
-    /// Places solid `index`, of the robot or an obstacle, as an alternative to [`update`](Self::update).
-    /// `pose` is the pose of its [placement](CollisionModel::placement) in the world.
+    /// Places any solid, as an alternative to [`update`](Self::update). `pose` is the pose in the world of
+    /// its [placement](CollisionModel::placement).
     pub fn set_pose(&mut self, index: usize, pose: &Isometry3<f64>) {
         self.rotations[index] = pose.rotation.to_rotation_matrix().into_inner().into();
         self.positions[index] = pose.translation.vector.into();
     }
 
-    /// Returns the pose of solid `index`: its [placement](CollisionModel::placement) in the world.
+    /// Returns the pose in the world of the [placement](CollisionModel::placement) of solid `index`.
     pub fn pose(&self, index: usize) -> IsometryMatrix3<f64> {
         let rotation = Rotation3::from_matrix_unchecked(self.rotations[index].into());
         IsometryMatrix3::from_parts(Vector3::from(self.positions[index]).into(), rotation)
@@ -100,14 +101,14 @@ impl Collisions {
         self.positions[index].into()
     }
 
-    /// Resets the search directions of the last distances, so that the next ones depend on the poses only.
+    /// Resets the search directions, so that the next distances depend only on the poses.
     pub fn forget(&mut self) {
         self.hints.fill(V3::ZERO);
         self.last = 0;
     }
 
-    /// Returns the search directions of the last distances, one per pair. Together with the poses they
-    /// determine the next distances.
+    /// Returns the search directions of the last distances, one per pair. Together with the poses, they
+    /// determine the next distances bit for bit.
     pub fn hints(&self) -> Vec<[f64; 3]> {
         self.hints.iter().map(|hint| hint.array()).collect()
     }
@@ -120,18 +121,19 @@ impl Collisions {
         }
     }
 
-    /// Returns the distance of pair `pair`, or `None` if it is certainly above `range` \[m\].
+    /// Returns the distance of the pair with index `pair`, or `None` if it is certainly above `range` \[m\].
     pub fn distance_within(&mut self, model: &CollisionModel, pair: usize, range: f64) -> Option<Proximity> {
         self.measure(model, pair, range)
     }
 
-    /// Returns the distance of one pair.
+    /// Returns the distance of the pair with index `pair`.
     pub fn distance(&mut self, model: &CollisionModel, pair: usize) -> Proximity {
         // no distance exceeds this range; only surfaces can fail
         self.measure(model, pair, f64::MAX).unwrap_or_else(|| self.bound(model, pair))
     }
 
-    /// Returns all pairs closer than `range` \[m\], in order. Distant pairs are cheap.
+    /// Returns all pairs that are closer than `range` \[m\], in the order of the pairs. Distant pairs are
+    /// cheap.
     pub fn within(&mut self, model: &CollisionModel, range: f64) -> &[Proximity] {
         self.near.clear();
         for pair in 0..model.pairs.len() {
@@ -144,12 +146,12 @@ impl Collisions {
         &self.near
     }
 
-    /// Returns the result of the last [`within`](Self::within).
+    /// Returns the pairs found by the last call of [`within`](Self::within).
     pub fn found(&self) -> &[Proximity] {
         &self.near
     }
 
-    /// Returns the nearest, or deepest, pair; `None` if no pair is checked.
+    /// Returns the pair with the smallest signed distance; `None` if there are no pairs to check.
     pub fn nearest(&mut self, model: &CollisionModel) -> Option<Proximity> {
         if model.pairs.is_empty() {
             return None;
@@ -169,7 +171,7 @@ impl Collisions {
         Some(best)
     }
 
-    /// Returns a pair that overlaps or is closer than `margin` \[m\], if any.
+    /// Returns a pair that is closer than `margin` \[m\] or overlaps; `None` if there is no such pair.
     pub fn colliding(&mut self, model: &CollisionModel, margin: f64) -> Option<Proximity> {
         (0..model.pairs.len()).find_map(|pair| {
             self.measure(model, pair, margin).filter(|proximity| proximity.distance < margin)

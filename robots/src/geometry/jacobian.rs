@@ -8,11 +8,11 @@ use crate::math::V3;
 use crate::{Kinematics, Model};
 
 impl CollisionModel {
-    /// Computes the gradient of a distance: `row . v` is the rate of change of `proximity.distance` \[m/s\]
+    /// Computes the gradient of a distance. `row . v` is the rate of change of `proximity.distance` \[m/s\]
     /// for a robot velocity `v` and fixed obstacles. `row` has nv entries and is overwritten.
     ///
     /// `kinematics` must be at the configuration of the distance. The gradient is exact if the nearest points
-    /// are unique; between parallel faces or edges it is the gradient at the found points.
+    /// are unique. Between parallel faces or edges it is the gradient at the points found.
     pub fn distance_jacobian(
         &self,
         model: &Model,
@@ -31,8 +31,8 @@ impl CollisionModel {
         }
     }
 
-    /// Like [`distance_jacobian`](Self::distance_jacobian), for several distances with one row each.
-    /// Additional rows of `out` are unchanged.
+    /// Like [`distance_jacobian`](Self::distance_jacobian), for several distances, each with one row of
+    /// `out`. Further rows are unchanged.
     ///
     /// Panics if `out` has too few rows, or not nv columns.
     pub fn distance_jacobians(

@@ -1,11 +1,11 @@
 //! Collision geometry: signed distances between the links of a robot, and to obstacles.
 //!
-//! [`CollisionModel`] prepares the shapes of a [`Model`](crate::Model) once: meshes become convex hulls or
-//! capsules or stay surfaces, and pairs that cannot or may not collide are excluded. [`Collisions`] is the
-//! workspace of its queries: distances with their witness points, and their Jacobians.
+//! [`CollisionModel`] prepares the shapes of a [`Model`](crate::Model) once. Meshes become convex hulls or
+//! capsules, or remain triangle surfaces. Pairs that cannot collide or are excluded by rules are removed.
+//! [`Collisions`] is the workspace of its queries: distances with the nearest points, and their Jacobians.
 //!
-//! Distances are signed: positive is the gap \[m\], negative the penetration depth. Points and normals are in
-//! world axes; normals point from the first solid of a pair to the second.
+//! Distances are signed: a positive distance is the gap \[m\], a negative distance the penetration depth.
+//! Points and normals are in world axes. Normals point from the first solid of a pair to the second.
 
 mod capsule;
 mod depth;

@@ -15,20 +15,20 @@ use crate::{Geometry, Model, Shape};
 /// Options of a robot's collision model.
 #[derive(Clone, Debug)]
 pub struct CollisionOptions {
-    /// The collision shape that replaces meshes.
+    /// Collision shape that replaces meshes.
     pub meshes: MeshMode,
-    /// `true` to check links connected by a joint against each other. Their shapes overlap at the joint in
-    /// nearly all files. Default false.
+    /// `true` if links connected by a joint are checked against each other. Their shapes overlap at the joint
+    /// in nearly all files. Default false.
     pub adjacent: bool,
-    /// `true` to check links against each other that are attached to the same link by one joint each, such as
-    /// two fingers. Default true.
+    /// `true` if links that are attached to the same link by one joint each, such as two fingers, are checked
+    /// against each other. Default true.
     pub siblings: bool,
-    /// `false` to disable all checks between links of the robot. Default true.
+    /// `true` if links of the robot are checked against each other. Default true.
     pub self_collision: bool,
-    /// Rules of an SRDF file.
+    /// Collision rules of an SRDF file.
     pub srdf: Srdf,
-    /// If `true`, unusable shapes (such as missing meshes) and rules that name unknown links are skipped and
-    /// listed by [`CollisionModel::left_out`]; otherwise they cause an error. Default false.
+    /// `true` if unusable shapes (such as missing meshes) and rules with unknown links are skipped and listed
+    /// by [`CollisionModel::left_out`]. If false, they cause an error. Default false.
     pub leave_out_defects: bool,
 }
 
@@ -50,7 +50,7 @@ impl Default for CollisionOptions {
 /// Frame to which a solid is fixed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Attachment {
-    /// The world: obstacles and immovable links.
+    /// The world: obstacles and links that cannot move.
     World,
     /// The robot's base.
     Base,
@@ -61,27 +61,27 @@ pub enum Attachment {
 /// The collision model cannot be created.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum CollisionError {
-    /// A shape is unusable.
+    /// A shape cannot be used.
     #[error("link \"{link}\": {problem}")]
     Solid {
-        /// Link at fault.
+        /// Name of the link.
         link: String,
         /// Defect of the shape.
         problem: SolidProblem,
     },
-    /// A rule refers to an unknown link.
+    /// A collision rule refers to an unknown link.
     #[error("robot \"{robot}\" has no link \"{link}\" for the collision rule{}", suggestion(.nearest.as_deref()))]
     UnknownLink {
-        /// The robot.
+        /// Name of the robot.
         robot: String,
         /// The unknown name in the rule.
         link: String,
-        /// The link most likely meant.
+        /// The closest existing link.
         nearest: Option<String>,
     },
 }
 
-/// The solids of a robot and obstacles, with the pairs to check. Immutable while a
+/// The solids of robots and obstacles, with the pairs to check. It is immutable while a
 /// [`Collisions`](super::Collisions) uses it.
 #[derive(Clone)]
 pub struct CollisionModel {
@@ -110,14 +110,15 @@ impl std::fmt::Debug for CollisionModel {
 }
 
 impl CollisionModel {
-    /// Prepares the shapes of `model`. Reads its mesh files.
+    /// Prepares the shapes of `model`, and reads its mesh files.
     ///
-    /// Solids fixed to the same body are never checked. Solids of two bodies connected by a joint (ignoring
-    /// bodies without shapes in between) are checked only if the options request it.
+    /// Solids fixed to the same body are never checked against each other. Solids of two bodies connected by
+    /// a joint (ignoring bodies without shapes in between) are checked only if `options.adjacent` is set.
     ///
     /// # Errors
     ///
-    /// [`CollisionError`].
+    /// [`CollisionError`] for the first unusable shape or unknown link in a rule, unless
+    /// `options.leave_out_defects` is set.
     pub fn new(model: &Model, options: &CollisionOptions) -> Result<Self, CollisionError> {
         let mut built = Self {
             solids: Vec::new(),
@@ -224,7 +225,7 @@ impl CollisionModel {
         }
     }
 
-    /// Adds an obstacle in the world, checked against every link of the robot except links fixed to the
+    /// Adds an obstacle in the world. It is checked against every link of the robot that is not fixed to the
     /// world, and against every [free object](Self::add_free_object). Returns the index of its solid, for
     /// [`Collisions::move_obstacle`](super::Collisions::move_obstacle).
     ///
@@ -242,7 +243,8 @@ impl CollisionModel {
         Ok(self.add(solid, placement, false))
     }
 
-    /// Adds a freely moving object: an obstacle that is checked against every solid.
+    /// Adds a freely moving object: an obstacle that is checked against every other solid. Returns the index
+    /// of its solid.
     ///
     /// # Errors
     ///
@@ -258,7 +260,8 @@ impl CollisionModel {
         Ok(self.add(solid, placement, true))
     }
 
-    /// Adds an obstacle that fills the half-space below the plane z = 0 of `placement`, such as a ground.
+    /// Adds a half-space as an obstacle, such as a ground. It fills everything below the plane z = 0 of
+    /// `placement`. Returns the index of its solid.
     pub fn add_half_space(&mut self, name: &str, placement: Isometry3<f64>) -> usize {
         self.add(Solid::half_space(name, placement), placement, false)
     }
@@ -287,7 +290,7 @@ impl CollisionModel {
         self.pairs.retain(keep);
     }
 
-    /// Excludes the pairs of two links or obstacles. Returns the number of excluded pairs of solids.
+    /// Excludes the pairs of two links or obstacles. Returns the number of excluded pairs.
     pub fn exclude(&mut self, first: &str, second: &str) -> usize {
         let before = self.pairs.len();
         let solids = &self.solids;
@@ -298,23 +301,23 @@ impl CollisionModel {
         before - self.pairs.len()
     }
 
-    /// Number of solids: first the robots', then the obstacles.
+    /// Returns the number of solids. The solids of the robots come first, then the obstacles.
     pub fn solid_count(&self) -> usize {
         self.solids.len()
     }
 
-    /// Name of the link or obstacle to which solid `index` belongs.
+    /// Returns the name of the link or obstacle to which solid `index` belongs.
     pub fn link(&self, index: usize) -> &str {
         &self.solids[index].link
     }
 
-    /// Kind of shape of solid `index`.
+    /// Returns the kind of shape of solid `index`.
     pub fn kind(&self, index: usize) -> SolidKind {
         self.solids[index].kind
     }
 
-    /// Frame of its [robot](Self::robot) to which solid `index` is fixed. A base fixed in the world is also
-    /// [`Attachment::Base`].
+    /// Returns the frame of its [robot](Self::robot) to which solid `index` is fixed. A base that is fixed in
+    /// the world is also [`Attachment::Base`].
     pub fn attachment(&self, index: usize) -> Attachment {
         match self.slots[index] {
             FlatModel::WORLD => Attachment::World,
@@ -323,28 +326,28 @@ impl CollisionModel {
         }
     }
 
-    /// Placement of solid `index` in the frame it is [fixed to](Self::attachment).
+    /// Returns the placement of solid `index` in the frame to which it is [attached](Self::attachment).
     pub fn placement(&self, index: usize) -> Isometry3<f64> {
         self.solids[index].placement
     }
 
-    /// Returns the shape of solid `index`, relative to its [placement](Self::placement). A
-    /// [surface](MeshMode::Surface) returns its convex hull.
+    /// Returns the shape of solid `index`, relative to its [placement](Self::placement). For a
+    /// [surface](MeshMode::Surface) this is the convex hull.
     pub fn convex_shape(&self, index: usize) -> ConvexShape {
         self.solids[index].convex_shape()
     }
 
-    /// The checked pairs of solids, each with the lower index first.
+    /// Returns the pairs of solids to check, each with the lower index first.
     pub fn pairs(&self) -> &[[usize; 2]] {
         &self.pairs
     }
 
-    /// Names of the links or obstacles of pair `index`.
+    /// Returns the names of the links or obstacles of pair `index`.
     pub fn pair_links(&self, index: usize) -> [&str; 2] {
         self.pairs[index].map(|solid| self.link(solid))
     }
 
-    /// Shapes and rules that were skipped because they are unusable.
+    /// Returns the unusable shapes and rules that were skipped.
     pub fn left_out(&self) -> &[CollisionError] {
         &self.left_out
     }

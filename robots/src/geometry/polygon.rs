@@ -2,10 +2,10 @@
 
 use nalgebra::Vector2;
 
-/// Writes the corners of the convex hull of points to `corners`, counter-clockwise: two for collinear points,
-/// one for a single point. `at` projects a point into the plane; `points` are sorted. Nothing allocates if
-/// `corners` has capacity for twice the number of points plus two. (Andrew, *Another efficient algorithm for
-/// convex hulls in two dimensions*, 1979.)
+/// Computes the corners of the convex hull of points in a plane. The result is written to `corners`,
+/// counter-clockwise: two corners for collinear points, one for a single point. `at` projects a point into
+/// the plane; `points` are sorted in place. Nothing allocates if `corners` has capacity for twice the number
+/// of points plus two. (Andrew, *Another efficient algorithm for convex hulls in two dimensions*, 1979.)
 ///
 /// ```
 /// use motorium_robots::convex_corners;

@@ -9,8 +9,8 @@ use crate::{Kinematics, Model};
 
 impl CollisionModel {
     /// Adds another robot with its own base and returns its index. `options` and their rules apply to the
-    /// links of this robot. Each link is also checked against every link of the previous robots, unless both
-    /// are fixed in the world next to floating bases.
+    /// links of this robot. Each of its links is also checked against every link of the previous robots,
+    /// unless both are fixed in the world next to floating bases.
     ///
     /// ```
     /// use motorium_robots::{CollisionModel, CollisionOptions, load};
@@ -26,11 +26,11 @@ impl CollisionModel {
     ///
     /// # Errors
     ///
-    /// [`CollisionError`].
+    /// [`CollisionError`], as for [`new`](Self::new).
     ///
     /// # Panics
     ///
-    /// If an obstacle has been added already.
+    /// If an obstacle has already been added.
     pub fn add_robot(&mut self, model: &Model, options: &CollisionOptions) -> Result<usize, CollisionError> {
         assert!(self.solids.len() == self.robot_solids, "robots are added before obstacles");
         let own = Self::new(model, options)?;
@@ -51,7 +51,7 @@ impl CollisionModel {
         Ok(self.robots.len() - 1)
     }
 
-    /// Index of the robot to which solid `index` belongs; `None` for an obstacle.
+    /// Returns the index of the robot to which solid `index` belongs; `None` for an obstacle.
     pub fn robot(&self, index: usize) -> Option<usize> {
         (index < self.robot_solids).then(|| self.robots.partition_point(|first| *first <= index) - 1)
     }
@@ -63,7 +63,7 @@ impl CollisionModel {
 }
 
 impl Collisions {
-    /// Places the solids of robot `robot` according to its `kinematics`.
+    /// Places the solids of the robot with index `robot` according to its `kinematics`.
     pub fn update_robot(&mut self, model: &CollisionModel, robot: usize, kinematics: &Kinematics) {
         for index in model.solids_of(robot) {
             let (rotation, position) = kinematics.slot_pose(model.slots[index]);

@@ -8,7 +8,8 @@ use crate::math::{V3, v3, vector};
 /// Tolerance of equal plane normals.
 const SAME: f64 = 1e-9;
 
-/// A convex shape about the origin of its frame. Lengths are in metres, axes of revolution along z.
+/// A convex shape centred on the origin of its frame. Lengths are in metres, and axes of revolution are along
+/// z.
 ///
 /// # Example
 ///

@@ -12,21 +12,22 @@ use super::support::{Cloud, Core};
 use crate::math::{M3, V3, v3, vector};
 use crate::{Geometry, MeshError, Shape, TriangleMesh};
 
-/// The collision shape that replaces a mesh.
+/// Collision shape that replaces a mesh.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MeshMode {
-    /// Convex hull, or a capsule around it if the hull has more corners than this.
+    /// Convex hull. If the hull has more corners than `most_corners`, a capsule around it is used.
     Hull {
         /// Maximum number of corners of a hull.
         most_corners: usize,
     },
     /// A capsule around the mesh: the cheapest option, and smooth.
     Capsule,
-    /// The convex hull of the 26 outermost points, towards the faces, edges and corners of a cube: coarse,
-    /// and slightly smaller than the mesh. Suitable for contact points, because a robot needs only a few.
+    /// Convex hull of the 26 points that are outermost towards the faces, edges and corners of a cube. It is
+    /// coarse and slightly smaller than the mesh, but sufficient for contact points, of which a robot needs
+    /// only a few.
     Outermost,
-    /// Unmodified triangles: exact and slow. Surfaces have no interior; if they intersect, the distance is
-    /// the negative depth of the deepest triangle.
+    /// The triangles themselves: exact and slow. Surfaces have no interior. If they intersect, the distance
+    /// is the negative depth of the deepest triangle.
     Surface,
 }
 
@@ -36,7 +37,7 @@ impl Default for MeshMode {
     }
 }
 
-/// The shape of a solid.
+/// Kind of shape of a solid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SolidKind {
     /// A primitive, as in the file.
@@ -57,7 +58,7 @@ pub enum SolidKind {
     },
 }
 
-/// Unusable geometry.
+/// A geometry cannot be used for distances.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SolidProblem {
     /// The mesh file was not found when the robot was loaded.
@@ -72,20 +73,20 @@ pub enum SolidProblem {
     /// The mesh file has an error.
     #[error(transparent)]
     Mesh(#[from] MeshError),
-    /// The mesh has no volume.
+    /// The mesh has no volume, so it has no convex hull.
     #[error("its mesh {} has no convex hull ({why}); use a capsule for it", .path.display())]
     NoHull {
-        /// The file.
+        /// Path of the mesh file.
         path: PathBuf,
-        /// Error reported by parry.
+        /// Reason reported by the geometry library.
         why: String,
     },
-    /// The size is not positive.
-    #[error("its {what} is {value}, which must be above 0")]
+    /// A size of the shape is not positive.
+    #[error("its {what} is {value}, expected a number above 0")]
     Size {
         /// Name of the size.
         what: &'static str,
-        /// Its value.
+        /// Value of the size.
         value: f64,
     },
 }

@@ -9,9 +9,10 @@ use roxmltree::{Document, Node, ParsingOptions};
 pub struct Srdf {
     /// `<disable_collisions link1 link2>`
     pub disabled: Vec<(String, String)>,
-    /// `<enable_collisions link1 link2>`: overrides all rules that disable the pair.
+    /// `<enable_collisions link1 link2>`: overrides all rules that disable checks of the pair.
     pub enabled: Vec<(String, String)>,
-    /// `<disable_default_collisions link>`: the link is checked only against links listed in `enabled`.
+    /// `<disable_default_collisions link>`: the link is checked only against links paired with it in
+    /// `enabled`.
     pub disabled_links: Vec<String>,
 }
 
@@ -45,7 +46,7 @@ pub(crate) struct GroupEnd {
 }
 
 impl Srdf {
-    /// Parses the collision rules in the text of an SRDF file.
+    /// Parses the collision rules of an SRDF text.
     ///
     /// # Errors
     ///
@@ -70,7 +71,7 @@ impl Srdf {
         Ok(rules)
     }
 
-    /// Returns the rules for a robot whose link names start with `prefix`.
+    /// Returns the rules with `prefix` before all link names, for a robot with prefixed names.
     pub fn prefixed(&self, prefix: &str) -> Self {
         let named = |link: &String| format!("{prefix}{link}");
         let pairs = |pairs: &[(String, String)]| pairs.iter().map(|(a, b)| (named(a), named(b))).collect();

@@ -15,24 +15,24 @@ pub struct SurfaceTriangle {
     pub corners: [Point3<f64>; 3],
     /// Outward unit normal.
     pub normal: Vector3<f64>,
-    /// Height by which the neighbour across each side rises above this triangle's plane \[m\], 0 if it does
-    /// not; the first side runs from the first to the second corner.
+    /// Height \[m\] by which the neighbouring triangle across each side rises above this triangle's plane; 0
+    /// if it does not rise. The first side runs from the first to the second corner.
     pub valley: [f64; 3],
 }
 
-/// A convex side of triangles: a ridge between two triangles, or the rim of an open surface.
+/// A convex edge of a surface: a ridge between two triangles, or the rim of an open surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfaceEdge {
     /// Ends \[m\].
     pub ends: [Point3<f64>; 2],
-    /// Outward unit normals of both adjacent triangles. At a rim: the triangle's normal, and the direction
-    /// away from the triangle in its plane.
+    /// Outward unit normals of both adjacent triangles. At a rim, these are the triangle's normal, and the
+    /// direction in its plane that points away from it.
     pub normals: [Vector3<f64>; 2],
 }
 
-/// Surface of a mesh. The front side of its triangles is outside.
+/// Surface of a mesh, for contacts and rays. The front side of its triangles is outside.
 ///
-/// Flat and concave sides of triangles are not [edges](SurfaceEdge), so that nothing catches on them.
+/// Flat and concave sides of triangles are not [edges](SurfaceEdge), so nothing catches on them.
 ///
 /// ```
 /// use motorium_robots::{TriangleMesh, TriangleSurface};
@@ -136,17 +136,17 @@ impl TriangleSurface {
         Self { triangles, edges, tree, edge_tree, reach }
     }
 
-    /// Radius of the bounding sphere about the origin \[m\].
+    /// Returns the radius of the bounding sphere about the origin \[m\].
     pub fn reach(&self) -> f64 {
         self.reach
     }
 
-    /// The triangles.
+    /// Returns the triangles.
     pub fn triangles(&self) -> &[SurfaceTriangle] {
         &self.triangles
     }
 
-    /// Corners of the axis-aligned bounding box \[m\].
+    /// Returns the eight corners of the axis-aligned bounding box \[m\].
     pub fn corners(&self) -> Vec<Vector3<f64>> {
         let Some((low, high)) = self.tree.bounds() else { return Vec::new() };
         let pick =
@@ -161,8 +161,8 @@ impl TriangleSurface {
         (0..8).map(corner).collect()
     }
 
-    /// Calls `visit` with the triangles, and their indices, whose boxes intersect the box from `low` to
-    /// `high` \[m\].
+    /// Calls `visit` with the index and the triangle for each triangle whose bounding box intersects the box
+    /// from `low` to `high` \[m\].
     pub fn visit(
         &self,
         low: &Point3<f64>,
@@ -173,8 +173,8 @@ impl TriangleSurface {
         self.tree.visit(|bounds| overlap(bounds, &wanted), |index| visit(index, &self.triangles[index]));
     }
 
-    /// Calls `visit` with the edges, and their indices, whose boxes may intersect the box from `low` to
-    /// `high` \[m\].
+    /// Calls `visit` with the index and the edge for each edge whose bounding box may intersect the box from
+    /// `low` to `high` \[m\].
     pub fn visit_edges(
         &self,
         low: &Point3<f64>,
@@ -185,8 +185,8 @@ impl TriangleSurface {
         self.edge_tree.visit(|bounds| overlap(bounds, &wanted), |index| visit(index, &self.edges[index]));
     }
 
-    /// Returns the distance along a ray to the first triangle within `range`, and its normal on the side of
-    /// the ray's origin.
+    /// Returns the distance \[m\] along a ray to the first triangle within `range` \[m\], and the triangle's
+    /// normal on the side of the ray's origin. `None` without a hit.
     #[inline]
     pub fn meet(&self, origin: V3, direction: V3, range: f64) -> Option<(f64, V3)> {
         let inverse = V3::new(1.0 / direction.x, 1.0 / direction.y, 1.0 / direction.z);
@@ -221,14 +221,15 @@ impl TriangleSurface {
 }
 
 impl SurfaceTriangle {
-    /// Returns the point of the triangle nearest to `point` \[m\].
+    /// Returns the point of the triangle that is nearest to `point` \[m\].
     pub fn nearest(&self, point: &Point3<f64>) -> Point3<f64> {
         let corners = self.corners.map(|corner| V3::from(corner.coords));
         Point3::from(Vector3::from(nearest_on_triangle(point.coords.into(), corners)))
     }
 
-    /// Returns `true` if `point` is over the triangle, or beyond a side in a valley by no more than `slack`
-    /// \[m\] and the rise of the neighbour; farther points may have passed over the neighbour.
+    /// Returns `true` if `point` is over the triangle. At a side in a valley, the point may be beyond the
+    /// side by `slack` \[m\] or the rise of the neighbour, whichever is smaller. Farther points may be over
+    /// the neighbour.
     pub fn is_below(&self, point: &Point3<f64>, slack: f64) -> bool {
         (0..3).all(|side| {
             let (start, end) = (self.corners[side], self.corners[(side + 1) % 3]);
@@ -242,8 +243,7 @@ impl SurfaceTriangle {
 }
 
 impl SurfaceEdge {
-    /// Returns `true` for a unit vector that points out of the edge, between the normals of both its
-    /// triangles.
+    /// Returns `true` if a unit vector points out of the edge, between the normals of both its triangles.
     pub fn points_out(&self, direction: &Vector3<f64>) -> bool {
         let along = (self.ends[1] - self.ends[0]).normalize();
         let across = direction - along * direction.dot(&along);
@@ -258,7 +258,7 @@ impl SurfaceEdge {
     }
 }
 
-/// Returns the point of a triangle nearest to `p`, by the regions of its corners, sides and face.
+/// Returns the point of the triangle `a`, `b`, `c` that is nearest to `p`.
 #[inline]
 pub fn nearest_on_triangle(p: V3, [a, b, c]: [V3; 3]) -> V3 {
     let (ab, ac, ap) = (b - a, c - a, p - a);

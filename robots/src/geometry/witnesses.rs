@@ -77,18 +77,18 @@ impl Collisions {
     /// Maximum number of [witnesses](Self::witnesses) of a pair.
     pub const MOST_WITNESSES: usize = 12;
 
-    /// Appends the witnesses of a pair to `found`, at most `most` and
-    /// [`MOST_WITNESSES`](Self::MOST_WITNESSES). Witnesses are pairs of opposite points, any of which may
-    /// become the nearest after a small rotation. `nearest`, measured at these poses, is not included. Each
-    /// witness has the normal of `nearest`; its distance is the gap along that normal, which is at least
-    /// `nearest`'s.
+    /// Appends the witnesses of a pair to `found`, at most `most` and at most
+    /// [`MOST_WITNESSES`](Self::MOST_WITNESSES). Witnesses are pairs of opposite points that may become the
+    /// nearest points after a small rotation. `nearest`, measured at these poses, is not included. Each
+    /// witness has the normal of `nearest`. Its distance is the gap along that normal, which is at least the
+    /// distance of `nearest`.
     ///
     /// Between a flat face and an edge or another face, the nearest points jump from corner to corner as the
-    /// solids rotate, and the [gradient](CollisionModel::distance_jacobian) at one does not cover the others.
-    /// The witnesses are the corners of the overlap region: points farthest along the normal, or along a
-    /// normal tilted by 0.05 rad. Spheres, and [surfaces](super::MeshMode::Surface), have none, nor does a
-    /// pair with only a known [bound](Proximity::is_bound). If there are more than `most`, the witnesses that
-    /// contribute most to the region are kept.
+    /// solids rotate. The [gradient](CollisionModel::distance_jacobian) at one corner therefore does not
+    /// cover the others. The witnesses are the corners of the overlap region: points farthest along the
+    /// normal, or along a normal tilted by 0.05 rad. Spheres and [surfaces](super::MeshMode::Surface) have no
+    /// witnesses, nor does a pair with only a known [bound](Proximity::is_bound). If there are more than
+    /// `most`, the witnesses that contribute most to the region are kept.
     ///
     /// ```
     /// use motorium_robots::{CollisionModel, CollisionOptions, Collisions, Geometry, MeshMode, load};

@@ -14,31 +14,32 @@ impl Kinematics {
         isometry(&rotation, position)
     }
 
-    /// Returns the pose of the body frame of body `index` of [`Model::bodies`] in the world.
+    /// Returns the pose in the world of the body frame of body `index` in [`Model::bodies`].
     pub fn body_pose(&self, index: usize) -> Isometry3<f64> {
         let body = &self.bodies[index + 1];
         isometry(&(body.rotation * self.align[index].transpose()), body.position)
     }
 
-    /// Returns the velocity of the origin of body `index` of [`Model::bodies`], or of the base (`None`), and
-    /// its angular velocity, in world axes. Zero after [`update`](Self::update).
+    /// Returns the velocity of a body's origin and its angular velocity, in world axes. `index` is an index
+    /// in [`Model::bodies`], or `None` for the base. The result is zero after [`update`](Self::update).
     pub fn body_velocity(&self, index: Option<usize>) -> Twist {
         let body = &self.bodies[index.map_or(0, |index| index + 1)];
         Twist { linear: body.linear.into(), angular: body.angular.into() }
     }
 
-    /// Returns the origin of body `index` of [`Model::bodies`], or of the base (`None`), in the world \[m\].
+    /// Returns the position of a body's origin in the world \[m\]. `index` is an index in [`Model::bodies`],
+    /// or `None` for the base.
     pub fn body_position(&self, index: Option<usize>) -> Vector3<f64> {
         self.bodies[index.map_or(0, |index| index + 1)].position.into()
     }
 
     /// Returns the velocity of `frame`'s origin and its angular velocity, in world axes
-    /// ([`Reference::LocalWorldAligned`]). Zero after [`update`](Self::update).
+    /// ([`Reference::LocalWorldAligned`]). The result is zero after [`update`](Self::update).
     pub fn velocity(&self, model: &Model, frame: FrameId) -> Twist {
         self.velocity_in(model, frame, Reference::LocalWorldAligned)
     }
 
-    /// Returns the velocity of `frame` with the point and axes of `reference`. Zero after
+    /// Returns the velocity of `frame` at the point and in the axes of `reference`. The result is zero after
     /// [`update`](Self::update).
     pub fn velocity_in(&self, model: &Model, frame: FrameId, reference: Reference) -> Twist {
         let placement = &model.flat().frame_placements[frame.index()];
@@ -51,8 +52,8 @@ impl Kinematics {
     /// Returns the classical acceleration of `frame`'s origin and its angular acceleration, in world axes:
     /// `J a + Jdot v` of the local-world-aligned Jacobian.
     ///
-    /// After [`update_with_velocity`](Self::update_with_velocity) `a` is zero, and this is the drift `Jdot
-    /// v`.
+    /// After [`update_with_velocity`](Self::update_with_velocity), `a` is zero and the result is the drift
+    /// `Jdot v`.
     pub fn acceleration(&self, model: &Model, frame: FrameId) -> Twist {
         let placement = &model.flat().frame_placements[frame.index()];
         let body = self.carrier(placement);
@@ -66,8 +67,9 @@ impl Kinematics {
     /// `reference`.
     ///
     /// In [`Reference::LocalWorldAligned`] this is the classical [`acceleration`](Self::acceleration). In the
-    /// others it is the spatial acceleration, which lacks the `w x v` of the origin's own motion. After
-    /// [`update_with_velocity`](Self::update_with_velocity) `a` is zero, and this is the drift `Jdot v`.
+    /// other references it is the spatial acceleration, which lacks the term `w x v` of the origin's motion.
+    /// After [`update_with_velocity`](Self::update_with_velocity), `a` is zero and the result is the drift
+    /// `Jdot v`.
     pub fn acceleration_in(&self, model: &Model, frame: FrameId, reference: Reference) -> Twist {
         let classical = self.acceleration(model, frame);
         if reference == Reference::LocalWorldAligned {

@@ -1,8 +1,8 @@
-//! Inverse kinematics: finds a configuration for a pose of a frame.
+//! Inverse kinematics: finds a configuration in which a frame has a target pose.
 //!
-//! Damped least squares (Wampler 1986; damping proportional to the error, in the spirit of Sugihara 2011) on
-//! the configuration manifold, within the joint limits and from several initial guesses. The remaining
-//! freedom is pulled towards the initial posture.
+//! Damped least squares on the configuration manifold (Wampler 1986; damping proportional to the error, in
+//! the spirit of Sugihara 2011). The search stays within the joint limits and starts from several initial
+//! guesses. Redundant joints are pulled towards the initial posture.
 
 use nalgebra::{DMatrix, DVector, Isometry3, Vector3, Vector6};
 
@@ -15,15 +15,17 @@ const PRIMES: [f64; 16] =
 /// Options of the search.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct IkOptions {
-    /// Largest distance from the target \[m\].
+    /// Maximum distance from the target at which it counts as reached \[m\].
     pub position_tolerance: f64,
-    /// Largest angle from the target \[rad\]; infinite if only the position matters.
+    /// Maximum angle from the target at which it counts as reached \[rad\]; infinite if only the position
+    /// matters.
     pub rotation_tolerance: f64,
-    /// Iterations from each initial guess.
+    /// Maximum number of iterations from each initial guess.
     pub iterations: usize,
-    /// Number of initial guesses: the given configuration, then configurations spread over the limits.
+    /// Number of initial guesses. The first is the given configuration; the others are spread over the joint
+    /// limits.
     pub seeds: usize,
-    /// Gain of the null-space pull towards the posture, per iteration: 0 (no pull) to 1.
+    /// Gain per iteration of the null-space pull towards the initial posture, from 0 (no pull) to 1.
     pub posture: f64,
 }
 
@@ -35,7 +37,7 @@ impl Default for IkOptions {
     }
 }
 
-/// A configuration that reaches the target.
+/// Result of a successful search.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct IkSolution {
     /// Remaining distance from the target \[m\].
@@ -44,35 +46,35 @@ pub struct IkSolution {
     pub rotation_error: f64,
     /// Index of the successful initial guess, from 0.
     pub seed: usize,
-    /// Number of iterations from that guess.
+    /// Number of iterations from the successful guess.
     pub iterations: usize,
 }
 
-/// State of a search that advances in parts.
+/// State of a search that is performed in several calls.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum IkProgress {
     /// The search has not finished.
     Searching,
-    /// `q` reaches the target.
+    /// The search succeeded: `q` reaches the target.
     Found(IkSolution),
-    /// No initial guess leads to the target; `q` is the best configuration found.
+    /// No initial guess leads to the target. `q` is the best configuration found.
     NotFound {
-        /// Distance of this configuration from the target \[m\].
+        /// Distance of the best configuration from the target \[m\].
         position_error: f64,
-        /// Angle of this configuration from the target \[rad\].
+        /// Angle of the best configuration from the target \[rad\].
         rotation_error: f64,
     },
 }
 
-/// The search failed. The best configuration found is in `q`.
+/// The search failed. `q` is the best configuration found.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error(
-    "no configuration moves \"{frame}\" to the target within tolerance after {seeds} starting points; the best is \
+    "no configuration found that moves \"{frame}\" to the target within tolerance, from {seeds} starting points; the best is \
      {position_error:.1e} m and {rotation_error:.1e} rad away{}",
     explanation(.at_limits, *.singular)
 )]
 pub struct IkFailure {
-    /// The frame.
+    /// Name of the frame.
     pub frame: String,
     /// Number of initial guesses tried.
     pub seeds: usize,
@@ -80,17 +82,17 @@ pub struct IkFailure {
     pub position_error: f64,
     /// Angle of the best configuration from the target \[rad\].
     pub rotation_error: f64,
-    /// Joints at a limit.
+    /// Names of the joints at a limit.
     pub at_limits: Vec<String>,
-    /// `true` if the configuration is singular, with the arm stretched or folded: no joint motion reduces the
-    /// error further.
+    /// `true` if the configuration is singular, with the arm stretched or folded. No joint motion then
+    /// reduces the error further.
     pub singular: bool,
 }
 
 fn explanation(at_limits: &[String], singular: bool) -> String {
     match (at_limits, singular) {
-        ([], false) => ", still moving: try more iterations".to_owned(),
-        ([], true) => ", in a singular configuration: the target is likely out of reach".to_owned(),
+        ([], false) => " and still improving; increase the number of iterations".to_owned(),
+        ([], true) => ", in a singular configuration; the target is probably out of reach".to_owned(),
         (joints, _) => format!(", with {} at a limit", joints.join(", ")),
     }
 }
@@ -140,12 +142,12 @@ impl InverseKinematics {
         }
     }
 
-    /// Finds a `q` that puts `frame` at `target` (in the world), starting from the given `q`. The given `q`
-    /// is also the posture to which the remaining freedom is pulled. All joints stay within their limits.
+    /// Finds a configuration `q` in which `frame` has the pose `target` in the world, starting from the given
+    /// `q`. Redundant joints are pulled towards the given `q`. All joints stay within their limits.
     ///
     /// # Errors
     ///
-    /// [`IkFailure`]; `q` is then the best configuration found.
+    /// [`IkFailure`]. `q` is then the best configuration found.
     pub fn solve(
         &mut self,
         model: &Model,
@@ -164,14 +166,14 @@ impl InverseKinematics {
         }
     }
 
-    /// Starts a search that [`search`](Self::search) continues.
+    /// Starts a new search, which [`search`](Self::search) continues.
     pub fn restart(&mut self) {
         self.progress = Search::default();
     }
 
-    /// Continues a search for at most `steps` iterations, for loops that must not wait for a solution.
-    /// Repeated calls produce the same result as [`solve`](Self::solve). The arguments must not change
-    /// between calls. Does not allocate.
+    /// Continues a search for at most `steps` iterations, for control loops that must not wait for a
+    /// solution. Repeated calls produce the same result as [`solve`](Self::solve). The other arguments must
+    /// not change between calls. Does not allocate.
     ///
     /// ```
     /// # use motorium_robots::{IkOptions, IkProgress, InverseKinematics, Kinematics, load};

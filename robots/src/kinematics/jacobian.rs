@@ -8,8 +8,8 @@ use crate::model::flat::FlatModel;
 use crate::{FrameId, Model, Reference};
 
 impl Kinematics {
-    /// Computes the Jacobian of `frame` (6 x nv, linear rows first): `jacobian * v` is its velocity in
-    /// `reference`.
+    /// Computes the Jacobian of `frame` (6 x nv, linear rows first). `jacobian * v` is the velocity of the
+    /// frame in `reference`.
     ///
     /// `out` may be any 6 x nv matrix or view; it is overwritten. Columns of joints that do not move the
     /// frame are zero.
@@ -46,7 +46,7 @@ impl Kinematics {
     }
 
     /// Computes the Jacobian of `frame` at `q` (nq). The result equals [`jacobian`](Self::jacobian) after an
-    /// update, but only the bodies that carry `frame` are processed. Results of the last update become
+    /// update, but only the bodies that carry `frame` are processed. Other results of the last update become
     /// invalid.
     pub fn jacobian_at<R: Dim, C: Dim, S: StorageMut<f64, R, C>>(
         &mut self,
@@ -113,8 +113,9 @@ impl Kinematics {
         }
     }
 
-    /// Updates the bodies that carry `frame` at `q` (nq). Its [`pose`](Self::pose) and
-    /// [`jacobian`](Self::jacobian) are then valid; frames on other bodies and all velocities are unchanged.
+    /// Updates only the bodies that carry `frame`, at `q` (nq). The [`pose`](Self::pose) and
+    /// [`jacobian`](Self::jacobian) of `frame` are then valid. Frames on other bodies and all velocities are
+    /// unchanged.
     pub fn place_carriers(&mut self, model: &Model, q: &[f64], frame: FrameId) {
         self.check(model, q);
         let flat = model.flat();
@@ -136,10 +137,10 @@ impl Kinematics {
         }
     }
 
-    /// Computes the Jacobian of the pose of `frame` in `base` (6 x nv, linear rows first), at the origin of
-    /// `frame` in the axes of `base`: its velocity as seen from `base`.
+    /// Computes the Jacobian of `frame` relative to `base` (6 x nv, linear rows first). It maps `v` to the
+    /// velocity of the origin of `frame` as seen from `base`, in the axes of `base`.
     ///
-    /// `scratch` is another 6 x nv matrix.
+    /// `scratch` is a second 6 x nv matrix that is overwritten.
     pub fn relative_jacobian<R: Dim, C: Dim, S: StorageMut<f64, R, C>>(
         &self,
         model: &Model,
@@ -161,9 +162,9 @@ impl Kinematics {
         }
     }
 
-    /// Adds to `out` (nv rows) the velocity along each of `axes`, per unit of each joint velocity and times
-    /// `sign`, of a point. The point is fixed to body `body` (`None`: the base) and currently at `point` in
-    /// the world \[m\].
+    /// Adds the Jacobian of a point to `out`, with one row per joint velocity (nv) and one column per
+    /// direction in `axes`, multiplied by `sign`. The point is fixed to body `body` (`None` for the base) and
+    /// is currently at `point` in the world \[m\].
     pub fn add_point_jacobian(
         &self,
         model: &Model,

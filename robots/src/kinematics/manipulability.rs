@@ -7,32 +7,32 @@ use super::jacobian::column;
 use crate::math::V3;
 use crate::{FrameId, Model};
 
-/// The selected motions of a frame, in world axes: velocity along x, y, z, then angular velocity about x, y,
-/// z.
+/// Selection of the motions of a frame, in world axes: linear velocity along x, y, z, then angular velocity
+/// about x, y, z.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TaskRows(pub [bool; 6]);
 
 impl TaskRows {
-    /// Velocity of the frame's origin.
+    /// Linear velocity of the frame's origin.
     pub const POSITION: Self = Self([true, true, true, false, false, false]);
-    /// Angular velocity.
+    /// Angular velocity of the frame.
     pub const ORIENTATION: Self = Self([false, false, false, true, true, true]);
-    /// All six directions. Metres and radians then have equal weights.
+    /// All six motions. Metres and radians then have equal weights.
     pub const POSE: Self = Self([true; 6]);
 }
 
 impl Kinematics {
-    /// Returns the manipulability of `frame` by the joints: `sqrt(det(J J'))` of the selected rows. It is
-    /// zero in a singular configuration, and always if fewer joints move the frame than there are rows. A
+    /// Returns the manipulability of `frame` by the joints, `sqrt(det(J J'))` of the selected rows. It is
+    /// zero in a singular configuration, and whenever fewer joints move the frame than there are rows. A
     /// floating base is excluded, because it can move in every direction.
     pub fn manipulability(&self, model: &Model, frame: FrameId, rows: TaskRows) -> f64 {
         // The square root of rounding noise is only accurate to half the digits.
         self.gram(model, frame, rows).determinant().max(0.0).sqrt()
     }
 
-    /// Computes the gradient of the [`manipulability`](Self::manipulability): `out` (nv) times a velocity is
-    /// its rate. Also returns the manipulability. In a singular configuration the gradient is undefined and
-    /// `out` is zero.
+    /// Computes the gradient of the [`manipulability`](Self::manipulability) with respect to the joint motion
+    /// and returns the manipulability. `out . v` is its rate of change for a velocity `v` (nv). In a singular
+    /// configuration the gradient is undefined and `out` is zero.
     pub fn manipulability_gradient(
         &self,
         model: &Model,

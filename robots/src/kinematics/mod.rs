@@ -38,8 +38,8 @@ impl BodyState {
 
 /// Workspace for the kinematics of one [`Model`]. Only [`new`](Self::new) allocates.
 ///
-/// Call one of the updates before the other methods. Methods panic if slices, matrices or the number of
-/// bodies do not match the model.
+/// Call one of the update methods before any other. Methods panic if slices, matrices or the number of bodies
+/// do not match the model.
 ///
 /// ```
 /// use motorium_robots::{Kinematics, Reference, load};
@@ -70,7 +70,7 @@ pub struct Kinematics {
 }
 
 impl Kinematics {
-    /// Creates a workspace for `model`. Poses are valid after the first update.
+    /// Creates a workspace for `model`. Results are valid after the first update.
     pub fn new(model: &Model) -> Self {
         let slots = model.bodies().len() + 1;
         Self {
@@ -90,14 +90,14 @@ impl Kinematics {
         }
     }
 
-    /// Computes forward kinematics of all bodies at `q` (nq) moving with `v` (nv). Accelerations become the
-    /// drift `Jdot v` of every frame, at `a = 0`.
+    /// Computes forward kinematics of all bodies at `q` (nq) with the velocity `v` (nv). Accelerations are
+    /// the drift `Jdot v` of every frame, for `a = 0`.
     pub fn update_with_velocity(&mut self, model: &Model, q: &[f64], v: &[f64]) {
         widest(Moving { kinematics: self, model, motion: (q, v) });
     }
 
-    /// Computes forward kinematics of all bodies at `q` (nq) moving with `v` (nv) and accelerating with `a`
-    /// (nv).
+    /// Computes forward kinematics of all bodies at `q` (nq) with the velocity `v` (nv) and the acceleration
+    /// `a` (nv).
     pub fn update_with_acceleration(&mut self, model: &Model, q: &[f64], v: &[f64], a: &[f64]) {
         assert_eq!(a.len(), model.nv(), "length of a");
         self.set_positions(model, q);

@@ -1,4 +1,4 @@
-//! Digests of robots: equal robots have equal numbers, regardless of the order of their joints.
+//! Digests of robots. Equal robots have equal digests, regardless of the order of their joints.
 
 use core::hash::Hasher as _;
 
@@ -53,8 +53,8 @@ impl Digest {
 }
 
 impl Model {
-    /// Returns a digest of these joints, in this order: their names, kinds, axes and limits. `None` if one is
-    /// missing.
+    /// Returns a digest of the names, kinds, axes and limits of these joints, in this order. `None` if a
+    /// joint does not exist.
     ///
     /// ```
     /// let model = motorium_robots::load("panda", std::path::Path::new("."))?.model;
@@ -78,7 +78,7 @@ impl Model {
 
 impl Loaded {
     /// Returns a digest of everything that affects the motion of the robot: base, links, inertias, joints,
-    /// drives, and the gains of its profile. Shapes and appearance are excluded.
+    /// drives, and the gains of the profile. Shapes and appearance are excluded.
     pub fn dynamics_digest(&self) -> u64 {
         let Self { model, profile, .. } = self;
         let mut digest = Digest::default();

@@ -11,9 +11,9 @@ use crate::{
 };
 
 impl Loaded {
-    /// Returns the robot as URDF for viewers: the text of its URDF file with [held](Self::held) joints fixed,
-    /// or its model with visual shapes, [written](draw_as_urdf) as URDF. `None` if it was not loaded from a
-    /// file. The meshes include shells of the catalogue.
+    /// Returns the robot as URDF for viewers. This is the text of its URDF file with [held](Self::held)
+    /// joints fixed, or else its model with visual shapes [written](draw_as_urdf) as URDF. `None` if the
+    /// robot was not loaded from a file. The meshes include the shells of the catalogue.
     ///
     /// # Errors
     ///
@@ -46,9 +46,9 @@ impl Loaded {
         included.filter_map(|uri| Some((uri.to_owned(), shell(uri)?))).collect()
     }
 
-    /// Returns the colours of the links' visuals in its file. For MJCF with [`ShapeSource::Collision`] these
-    /// are the colours of the model's geoms, or of visual geoms if no such geom has a colour. Empty without a
-    /// file.
+    /// Returns the colours of the links' visuals in the robot's file. For MJCF with
+    /// [`ShapeSource::Collision`] these are the colours of the model's geoms, or of visual geoms if none of
+    /// the model's geoms has a colour. The result is empty without a file.
     ///
     /// ```
     /// use motorium_robots::{ShapeSource, load};

@@ -1,20 +1,20 @@
-//! Selection of the controlled frame: a named one, or the robot's only end effector.
+//! Selection of the controlled frame: a named frame, or the robot's only end effector.
 
 use crate::{FrameId, Loaded, Model, Profile, UnknownFrame};
 
-/// No frame to control can be chosen.
+/// The frame to control cannot be determined.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum EndEffectorError {
-    /// No frame is named, and the profile (if any) has no end effector.
-    #[error("robot `{robot}` has no known end effector, and no `frame` is given")]
+    /// No frame is named, and the profile has no end effector or does not exist.
+    #[error("robot `{robot}` has no known end effector, and no `frame` is specified")]
     NoneKnown {
         /// Name of the robot in its file.
         robot: String,
-        /// A frame that could be named: the tip of the longest chain of joints.
+        /// Frame suggested in the message: the tip of the longest chain of joints.
         example: String,
     },
     /// No frame is named, and the profile has more than one end effector.
-    #[error("robot `{robot}` has several end effectors, and no `frame` is given")]
+    #[error("robot `{robot}` has several end effectors, and no `frame` is specified")]
     Several {
         /// Name of the robot in its file.
         robot: String,
@@ -22,13 +22,13 @@ pub enum EndEffectorError {
         frames: Vec<String>,
     },
     /// No joint moves the named frame.
-    #[error("`{frame}` of robot `{robot}` is fixed to the world: no joint moves it")]
+    #[error("`{frame}` of robot `{robot}` is fixed to the world, so no joint moves it")]
     Fixed {
-        /// The frame.
+        /// Name of the frame.
         frame: String,
         /// Name of the robot in its file.
         robot: String,
-        /// A frame that could be named: the tip of the longest chain of joints.
+        /// Frame suggested in the message: the tip of the longest chain of joints.
         example: String,
     },
     /// The named frame does not exist.
@@ -37,7 +37,7 @@ pub enum EndEffectorError {
 }
 
 impl EndEffectorError {
-    /// Returns a frame that could be named, as an example in messages.
+    /// Returns the frame suggested in the message.
     pub fn example(&self) -> Option<&str> {
         match self {
             Self::NoneKnown { example, .. } | Self::Fixed { example, .. } => Some(example),
@@ -48,7 +48,7 @@ impl EndEffectorError {
 }
 
 impl Model {
-    /// Returns the frame called `frame`, or the only end effector of `profile` if no name is given.
+    /// Returns the frame named `frame`. If no name is given, returns the only end effector of `profile`.
     ///
     /// # Errors
     ///
@@ -87,14 +87,14 @@ impl Model {
 }
 
 impl Model {
-    /// Returns `true` if a joint or the floating base moves a frame.
+    /// Returns `true` if a joint or the floating base moves the frame.
     pub fn moves(&self, frame: FrameId) -> bool {
         let frame = &self.frames()[frame.index()];
         frame.body.is_some() || (self.base().floating && !frame.in_world)
     }
 
-    /// Returns the frame at the end of the longest chain of joints, before its fingers: the last frame of its
-    /// body, which is usually the tool's. `None` if no joint moves any frame.
+    /// Returns the frame at the end of the longest chain of joints, before its fingers. It is the last frame
+    /// of its body, which is usually the tool. `None` if no joint moves any frame.
     ///
     /// ```
     /// # use std::path::Path;
@@ -131,11 +131,11 @@ impl Model {
 }
 
 impl Loaded {
-    /// Like [`Model::end_effector`], with the robot's own profile.
+    /// Like [`Model::end_effector`], with the profile of the loaded robot.
     ///
     /// # Errors
     ///
-    /// Same as [`Model::end_effector`].
+    /// See [`Model::end_effector`].
     pub fn end_effector(&self, frame: Option<&str>) -> Result<FrameId, EndEffectorError> {
         self.model.end_effector(self.profile.as_ref(), frame)
     }

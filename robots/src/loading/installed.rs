@@ -6,9 +6,9 @@ use std::path::{Path, PathBuf};
 /// A robot found in the folder of installed robots.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Installed {
-    /// Name by which the robot is loaded: its file name without the extension.
+    /// Name by which the robot is loaded: the name of its file without the extension.
     pub name: String,
-    /// Collection of the robot. `COLLECTION/NAME` loads it as well.
+    /// Collection of the robot. `COLLECTION/NAME` also loads it.
     pub collection: String,
     /// URDF file of the robot.
     pub urdf: PathBuf,
@@ -24,7 +24,7 @@ pub fn installed_folder() -> Option<PathBuf> {
     })
 }
 
-/// Returns all installed robots, by name.
+/// Returns all installed robots, sorted by name.
 pub fn installed() -> Vec<Installed> {
     installed_folder().map(|folder| installed_in(&folder)).unwrap_or_default()
 }

@@ -27,7 +27,7 @@ impl JointSubset {
         let moved = self.moved(model, profile)?;
         let names = model.joint_names();
         if !moved.contains(&true) {
-            return Err(SettingError::new("joints", "no joint remains to move"));
+            return Err(SettingError::new("joints", "all joints are held, expected at least one that moves"));
         }
         // the key that requests the pose
         let asks = match (pose, &self.joints) {
@@ -95,7 +95,9 @@ impl JointSubset {
         for name in self.fixed.keys() {
             let index = joint("fixed", name, model, None)?;
             if self.joints.is_some() && moved[index] {
-                let message = format!("joint `{name}` is also in `joints`: it either moves or is held");
+                let message = format!(
+                    "joint `{name}` is also in `joints`, but a joint either moves or is held; remove it from one of them"
+                );
                 return Err(SettingError::new("fixed", message));
             }
             moved[index] = false;
@@ -116,7 +118,7 @@ fn joint(
         let known = || model.joint_names().iter().chain(ends.clone()).map(String::as_str);
         let advice = match nearest(name, known()) {
             Some(near) => format!("did you mean `{near}`?"),
-            None => format!("it has {}", known().collect::<Vec<_>>().join(", ")),
+            None => format!("expected one of {}", known().collect::<Vec<_>>().join(", ")),
         };
         SettingError::new(key, format!("robot `{}` has no joint `{name}`: {advice}", model.name()))
     })

@@ -20,26 +20,26 @@ const LONGEST: u64 = 16 * 1024 * 1024;
 /// The unit of angles in profiles and graphs.
 pub(crate) const RADIANS: &str = "angles are in radians";
 
-/// A robot ready to use.
+/// A loaded robot: its model, profile and files.
 #[derive(Clone, Debug)]
 pub struct Loaded {
-    /// The robot.
+    /// Model of the robot.
     pub model: Model,
-    /// Defects of its file, with the link or joint, to be shown to the user.
+    /// Warnings about defects of the robot's file, to be shown to the user.
     pub warnings: Vec<ModelWarning>,
-    /// Poses, end effectors and gains: from the catalogue, or from the `.toml` of the same name next to the
-    /// file.
+    /// Profile of the robot: from the catalogue, or from the `.toml` with the name of the robot file next to
+    /// it.
     pub profile: Option<Profile>,
-    /// Key poses of the SRDF next to the file, or in the `srdf` folder next to its folder.
+    /// Named poses of the SRDF next to the file, or in the `srdf` folder next to the file's folder.
     pub postures: Vec<Posture>,
     /// Pairs of bodies that an MJCF file excludes from collision.
     pub exclusions: Srdf,
-    /// Joints of the file that are not in the model because a graph holds them, and their positions \[rad or
+    /// Joints of the file that are not in the model because a graph holds them, with their positions \[rad or
     /// m\].
     pub held: Vec<(String, f64)>,
-    /// The catalogue entry, if the robot is from the catalogue.
+    /// Catalogue entry; `None` if the robot is not from the catalogue.
     pub entry: Option<&'static Entry>,
-    /// The URDF or MJCF file, if the robot was loaded from one.
+    /// Path of the URDF or MJCF file; `None` if the robot was not loaded from a file.
     pub path: Option<PathBuf>,
 }
 
@@ -73,31 +73,31 @@ pub enum LoadError {
         .path.display(), suggestion(.nearest.as_deref())
     )]
     NotFound {
-        /// The robot reference.
+        /// Reference to the robot as written.
         reference: String,
-        /// The path to which it would refer.
+        /// Path that the reference would denote.
         path: PathBuf,
-        /// The catalogue or installed robot most likely meant.
+        /// The closest robot in the catalogue or installed.
         nearest: Option<String>,
     },
     /// The folder contains no robot.
-    #[error("no .urdf file in {} or its urdf/ folder, and no MJCF (.xml) file", .0.display())]
+    #[error("there is no .urdf file in {} or its urdf/ folder, and no MJCF (.xml) file", .0.display())]
     NoUrdf(PathBuf),
     /// The folder contains more than one robot.
-    #[error("several robot files in {}: {}; name one of them", .folder.display(), .names.join(", "))]
+    #[error("there are several robot files in {}: {}; name one of them", .folder.display(), .names.join(", "))]
     SeveralUrdf {
-        /// The folder.
+        /// Path of the folder.
         folder: PathBuf,
-        /// The files in it.
+        /// Names of the robot files in the folder.
         names: Vec<String>,
     },
-    /// The file is not MJCF, although it was specified as such.
+    /// The file is not MJCF, although the graph specifies it as MJCF.
     #[error("{} is not an MJCF file: its root element is not <mujoco>; use the key `urdf` for it", .0.display())]
     NotMjcf(PathBuf),
     /// The file cannot be read.
     #[error("cannot read {}: {source}", .path.display())]
     Read {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
         /// Cause.
         source: io::Error,
@@ -105,9 +105,9 @@ pub enum LoadError {
     /// The file is not UTF-8 text.
     #[error("{}:{}:{}: byte {byte:#04x} is not UTF-8; save the file as UTF-8", .path.display(), .at.line, .at.column)]
     NotText {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// Position of the first invalid byte; columns count characters.
+        /// Position of the first invalid byte. Columns count characters.
         at: Position,
         /// The invalid byte.
         byte: u8,
@@ -118,28 +118,28 @@ pub enum LoadError {
     /// The MJCF file has an error.
     #[error(transparent)]
     Mjcf(#[from] MjcfError),
-    /// A setting of a graph does not match the robot.
+    /// A robot setting of a graph does not match the robot.
     #[error(transparent)]
     Setting(#[from] crate::SettingError),
     /// The profile has an error.
     #[error("{}: {source}", .path.display())]
     Profile {
-        /// The file.
+        /// Path of the profile.
         path: PathBuf,
         /// Cause.
         source: ProfileError,
     },
 }
 
-/// Loads a robot: a catalogue name (`panda`), a folder or file relative to `base`, or the name of an
-/// [installed](crate::installed) robot. A file is URDF, or MJCF when its root element is `<mujoco>`.
+/// Loads a robot by reference: a catalogue name (`panda`), a folder or file relative to `base`, or the name
+/// of an [installed](crate::installed) robot. A file is URDF, or MJCF if its root element is `<mujoco>`.
 ///
-/// A catalogue name takes precedence over a folder of the same name (write `./panda` for the folder), and a
-/// folder over an installed robot.
+/// A catalogue name takes precedence over a folder with the same name (write `./panda` for the folder). A
+/// folder takes precedence over an installed robot.
 ///
 /// # Errors
 ///
-/// [`LoadError`].
+/// [`LoadError`] if the robot is not found or one of its files has an error.
 pub fn load(reference: &str, base: &Path) -> Result<Loaded, LoadError> {
     load_with(reference, base, &LoadOptions::default())
 }
@@ -148,7 +148,7 @@ pub fn load(reference: &str, base: &Path) -> Result<Loaded, LoadError> {
 ///
 /// # Errors
 ///
-/// [`LoadError`].
+/// See [`load`].
 pub fn load_with(reference: &str, base: &Path, options: &LoadOptions) -> Result<Loaded, LoadError> {
     let mut options = options.clone();
     let environment = PackagePath::from_env();

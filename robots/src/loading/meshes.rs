@@ -8,8 +8,8 @@ use crate::loading::mesh_references::MeshReferences;
 use crate::{Geometry, ModelWarning, ShapeSource, TriangleMesh};
 
 impl Loaded {
-    /// Returns warnings of the robot's mesh files: files that cannot be read, and implausible sizes of moving
-    /// links. `shapes` are the shapes that the model was loaded with. Missing files are among the
+    /// Returns warnings about the robot's mesh files: files that cannot be read, and implausible sizes of
+    /// moving links. `shapes` must be the shapes with which the model was loaded. Missing files are among the
     /// [warnings](Self::warnings) of loading.
     pub fn mesh_warnings(&self, shapes: ShapeSource) -> Vec<ModelWarning> {
         let model = &self.model;

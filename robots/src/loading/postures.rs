@@ -12,21 +12,21 @@ use crate::model::configuration::write_pose;
 /// Maximum size of an SRDF file, bytes.
 const LONGEST: u64 = 16 * 1024 * 1024;
 
-/// A named configuration of an SRDF file. Unnamed joints are at zero. Joints that the model does not have,
-/// such as grippers of other variants, are ignored.
+/// A named configuration of an SRDF file. Joints that the state does not name are at zero. Joints that the
+/// model does not have, such as grippers of other variants, are ignored.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Posture {
-    /// Name of the state; `GROUP/NAME` if an earlier state has the same name.
+    /// Name of the state, or `GROUP/NAME` if an earlier state has the same name.
     pub name: String,
-    /// Pose of the base in the world, if the state has a `root_joint` (position, then quaternion x y z w).
+    /// Pose of the base in the world; `None` if the state has no `root_joint`.
     pub base: Option<Isometry3<f64>>,
     /// Positions of the joints \[rad or m\], in the order of [`Model::joint_names`].
     pub joints: DVector<f64>,
 }
 
 impl Posture {
-    /// Returns the whole configuration `q` (nq), with the pose of a floating base from the state or the
-    /// model's file.
+    /// Returns the whole configuration `q` (nq). The pose of a floating base is the state's, or else the one
+    /// in the model's file.
     pub fn configuration(&self, model: &Model) -> DVector<f64> {
         let mut q = DVector::from_vec(model.neutral());
         let offset = q.len() - self.joints.len();

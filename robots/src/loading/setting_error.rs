@@ -4,9 +4,9 @@
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("`{key}`: {message}")]
 pub struct SettingError {
-    /// The key: `joints`, `fixed`, `frame`, `start` or `gains`.
+    /// Key of the setting: `joints`, `fixed`, `frame`, `start` or `gains`.
     pub key: &'static str,
-    /// Reason why the value is rejected.
+    /// Reason for rejecting the value.
     pub message: String,
 }
 

@@ -6,7 +6,7 @@ use crate::loading::load::RADIANS;
 use crate::loading::settings::Settings;
 use crate::{BasePose, FileFormat, LoadError, LoadOptions, Loaded, ModelWarning, ProfileChoice, load_with};
 
-/// A robot reference of a graph file.
+/// Reference to a robot in a graph file, with the settings of the graph.
 ///
 /// ```
 /// # use std::path::Path;
@@ -22,18 +22,19 @@ use crate::{BasePose, FileFormat, LoadError, LoadOptions, Loaded, ModelWarning, 
 pub struct RobotSource<'a> {
     /// Name of the robot in the graph.
     pub name: &'a str,
-    /// A catalogue name, a file or folder, or an installed robot; see [`load`](crate::load).
+    /// Reference as written: a catalogue name, a file or folder, or an installed robot; see
+    /// [`load`](crate::load).
     pub text: &'a str,
-    /// Folder for relative paths in `text`: the graph file's folder.
+    /// Folder to which paths in `text` are relative: the graph file's folder.
     pub base: &'a Path,
-    /// Pose of the base in the world, if given in the graph.
+    /// Pose of the base in the world; `None` if the graph does not specify it.
     pub pose: Option<BasePose>,
-    /// Profile specified by the graph, if any; otherwise the robot's own profile is used.
+    /// Path of the profile that the graph specifies; `None` for the robot's own profile.
     pub profile: Option<&'a Path>,
-    /// Folders searched for packages before all others.
+    /// Folders searched for packages before the other folders.
     pub packages: &'a [PathBuf],
-    /// Table with the graph's keys `mjcf` (true if the graph uses this key for the file), `joints`, `fixed`,
-    /// `frame`, `start` and `gains`. The last three override the profile.
+    /// Settings of the graph: the keys `mjcf` (true if the graph specifies the file as MJCF), `joints`,
+    /// `fixed`, `frame`, `start` and `gains`. The last three override the profile.
     pub settings: Option<&'a serde_json::Value>,
 }
 
@@ -62,20 +63,20 @@ pub struct RobotSourceError {
 }
 
 impl RobotSource<'_> {
-    /// Loads the robot from its files, with its base at the pose in the graph.
+    /// Loads the robot from its files. Its base is at the pose that the graph specifies.
     ///
     /// # Errors
     ///
-    /// [`RobotSourceError`], with the robot and the cause.
+    /// [`RobotSourceError`] with the robot's name and the cause.
     pub fn load(&self) -> Result<Loaded, RobotSourceError> {
         self.load_with(&LoadOptions::default())
     }
 
-    /// Loads the robot with options.
+    /// Like [`load`](Self::load), with options.
     ///
     /// # Errors
     ///
-    /// Same as [`load`](Self::load).
+    /// See [`load`](Self::load).
     pub fn load_with(&self, options: &LoadOptions) -> Result<Loaded, RobotSourceError> {
         let mut options = options.clone();
         options.packages.folders.splice(0..0, self.packages.iter().cloned());

@@ -5,10 +5,11 @@ use core::f64::consts::{FRAC_PI_4, TAU};
 /// Largest difference from a multiple of 45 degrees that rounding explains \[rad\].
 const ROUNDING: f64 = 1e-3;
 
-/// Returns the angle in radians that was probably meant if `angle` \[rad\] was written in degrees; `None` for
-/// a plausible angle.
+/// Returns the angle in radians that was probably intended if `angle` \[rad\] was written in degrees; `None`
+/// for a plausible angle.
 ///
-/// An angle of more than a turn is suspicious, except for a fraction that is a multiple of 45 degrees.
+/// An angle of more than a full revolution is suspicious, unless it is a multiple of pi/4 and not a whole
+/// number.
 ///
 /// ```
 /// use motorium_robots::suspected_degrees;

@@ -4,7 +4,7 @@ use std::ops::{Add, AddAssign, Mul, Neg, Sub, SubAssign};
 
 use nalgebra::{Matrix3, Vector3};
 
-/// A vector.
+/// A vector with three components.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct V3 {
     /// Component along x.
@@ -19,16 +19,16 @@ impl V3 {
     /// The zero vector.
     pub const ZERO: Self = Self::new(0.0, 0.0, 0.0);
 
-    /// A vector of three components.
+    /// Creates a vector from three components.
     #[inline(always)]
     pub const fn new(x: f64, y: f64, z: f64) -> Self {
         Self { x, y, z }
     }
 
-    /// Reads the first three numbers.
+    /// Creates a vector from the first three numbers of a slice.
     ///
     /// # Panics
-    /// If there are fewer than three.
+    /// If the slice has fewer than three numbers.
     #[inline(always)]
     pub fn from_slice(values: &[f64]) -> Self {
         Self::new(values[0], values[1], values[2])
@@ -117,7 +117,7 @@ impl Mul<f64> for V3 {
     }
 }
 
-/// A matrix, stored by columns.
+/// A 3 x 3 matrix, stored by columns.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct M3 {
     /// First column.
@@ -129,19 +129,19 @@ pub struct M3 {
 }
 
 impl M3 {
-    /// The identity.
+    /// The identity matrix.
     pub const IDENTITY: Self =
         Self { x: V3::new(1.0, 0.0, 0.0), y: V3::new(0.0, 1.0, 0.0), z: V3::new(0.0, 0.0, 1.0) };
     /// The zero matrix.
     pub const ZERO: Self = Self { x: V3::ZERO, y: V3::ZERO, z: V3::ZERO };
 
-    /// The matrix with `skew(a) * b == a x b`.
+    /// Returns the matrix with `skew(a) * b == a x b`.
     #[inline(always)]
     pub fn skew(a: V3) -> Self {
         Self { x: V3::new(0.0, a.z, -a.y), y: V3::new(-a.z, 0.0, a.x), z: V3::new(a.y, -a.x, 0.0) }
     }
 
-    /// `a b'`
+    /// Returns the outer product `a b'`.
     #[inline(always)]
     pub fn outer(a: V3, b: V3) -> Self {
         Self { x: a * b.x, y: a * b.y, z: a * b.z }
@@ -157,19 +157,19 @@ impl M3 {
         }
     }
 
-    /// `self' v`
+    /// Returns the product of the transpose and a vector, `self' v`.
     #[inline(always)]
     pub fn tr_mul(&self, v: V3) -> V3 {
         V3::new(self.x.dot(v), self.y.dot(v), self.z.dot(v))
     }
 
-    /// Computes `self * Rz`, where Rz rotates about z by the angle with this sine and cosine.
+    /// Returns `self * Rz`, where Rz rotates about z by the angle with this sine and cosine.
     #[inline(always)]
     pub fn turned(&self, sin: f64, cos: f64) -> Self {
         Self { x: self.x * cos + self.y * sin, y: self.y * cos - self.x * sin, z: self.z }
     }
 
-    /// Returns the sum of the diagonal.
+    /// Returns the trace: the sum of the diagonal.
     #[inline(always)]
     pub fn trace(&self) -> f64 {
         self.x.x + self.y.y + self.z.z

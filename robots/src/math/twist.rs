@@ -4,14 +4,14 @@ use std::ops::{Add, Mul, Neg, Sub};
 
 use nalgebra::{Vector3, Vector6};
 
-/// Reference point and axes of a spatial velocity.
+/// Reference point and axes in which a spatial velocity is expressed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Reference {
-    /// Point: the frame's origin. Axes: the frame's.
+    /// At the frame's origin, in the frame's axes.
     Local,
-    /// Point: the world's origin. Axes: the world's.
+    /// At the world's origin, in world axes.
     World,
-    /// Point: the frame's origin. Axes: the world's. The natural choice for tasks in metres and radians.
+    /// At the frame's origin, in world axes. The natural choice for tasks in metres and radians.
     LocalWorldAligned,
 }
 
@@ -38,7 +38,7 @@ impl Twist {
         Self::default()
     }
 
-    /// Returns six numbers, linear part first, comparable to a Jacobian times a joint velocity.
+    /// Returns the six components, linear part first, like a Jacobian times a joint velocity.
     pub fn vector(&self) -> Vector6<f64> {
         let (l, a) = (&self.linear, &self.angular);
         Vector6::new(l.x, l.y, l.z, a.x, a.y, a.z)

@@ -116,7 +116,7 @@ impl<'a, 'i> Reader<'a, 'i> {
 
     fn node(&mut self, node: Node<'a, 'i>, parent: &Matrix4<f64>, depth: usize) -> Result<(), Fault> {
         if depth > DEEPEST {
-            return Err(self.malformed(node, "nodes instance each other in a cycle"));
+            return Err(self.malformed(node, "nodes reference each other in a cycle"));
         }
         self.count(node)?;
         let mut pose = *parent;
@@ -242,7 +242,7 @@ impl<'a, 'i> Reader<'a, 'i> {
         let sizes = match child(part, "vcount") {
             Some(sizes) => self.counts(sizes)?,
             None if part.tag_name().name() == "polylist" => {
-                return Err(self.malformed(part, "a <polylist> without a <vcount>"));
+                return Err(self.malformed(part, "a <polylist> has no <vcount>"));
             }
             None => Vec::new(),
         };
@@ -296,7 +296,7 @@ impl<'a, 'i> Reader<'a, 'i> {
         let named = accessor.filter(|accessor| accessor.has_attribute("source"));
         let named = named.map(|accessor| self.target(accessor, "source")).transpose()?;
         let Some(array) = named.or_else(|| child(source, "float_array")) else {
-            return Err(self.malformed(source, "<source> without a <float_array>"));
+            return Err(self.malformed(source, "<source> has no <float_array>"));
         };
         let (numbers, layout) = (self.floats(array)?, self.layout(accessor)?);
         let points = match layout.count {

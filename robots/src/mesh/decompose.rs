@@ -12,10 +12,10 @@ use crate::math::{V3, v3, vector};
 const RESOLUTION: u32 = 64;
 
 impl TriangleMesh {
-    /// Returns convex meshes that together cover the mesh: at most `most_parts` parts with at most
-    /// `most_corners` corners each. A single part is the [`hull`](Self::hull). Several parts are the hulls of
-    /// a V-HACD decomposition (Mamou 2016) on a grid with 64 voxels along the longest side, and are therefore
-    /// up to a voxel larger than the mesh.
+    /// Returns convex meshes that together cover the mesh: at most `most_parts` meshes with at most
+    /// `most_corners` corners each. If `most_parts` is 1, the result is the [`hull`](Self::hull). Otherwise
+    /// the meshes are the hulls of a V-HACD decomposition (Mamou 2016) on a grid with 64 voxels along the
+    /// longest side. They therefore protrude from the mesh by up to a voxel.
     ///
     /// ```
     /// use motorium_robots::TriangleMesh;
@@ -54,7 +54,7 @@ impl TriangleMesh {
         self.triangles.iter().map(of).sum()
     }
 
-    /// Returns the mesh as the text of a Wavefront OBJ file, to a micrometre.
+    /// Returns the mesh as the text of a Wavefront OBJ file. Coordinates are rounded to a micrometre.
     pub fn to_obj(&self) -> String {
         let mut text = String::new();
         for point in &self.points {

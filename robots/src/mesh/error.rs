@@ -9,9 +9,9 @@ pub(super) type Fault = (u32, MeshProblem);
 /// An error in a mesh file.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub struct MeshError {
-    /// The file.
+    /// Path of the file.
     pub path: PathBuf,
-    /// Line at fault, counted from 1.
+    /// Line of the error, counted from 1; `None` if the format has no lines.
     pub line: Option<u32>,
     /// The problem.
     pub problem: MeshProblem,
@@ -33,8 +33,8 @@ pub enum MeshProblem {
     /// The file cannot be read.
     #[error("cannot be read: {0}")]
     Read(String),
-    /// The file format is not supported.
-    #[error("not a mesh format that can be read; convert it to .stl, .obj or .dae")]
+    /// The file is not in a supported format.
+    #[error("not a supported mesh format; convert it to .stl, .obj or .dae")]
     Format,
     /// The file is not UTF-8.
     #[error("not a text file in UTF-8")]
@@ -42,10 +42,10 @@ pub enum MeshProblem {
     /// The file contains no triangles.
     #[error("has no triangles")]
     Empty,
-    /// A corner is infinite or NaN.
-    #[error("a corner is not a finite number")]
+    /// A coordinate of a corner is infinite or NaN.
+    #[error("a coordinate of a corner is not finite")]
     NotFinite,
-    /// The file ends prematurely.
+    /// The file is truncated.
     #[error("ends after {found} bytes where its header states {expected}")]
     Short {
         /// Length of the file \[bytes\].
@@ -54,19 +54,19 @@ pub enum MeshProblem {
         expected: usize,
     },
     /// A token is not a number.
-    #[error("\"{0}\" is not the number expected there")]
+    #[error("found \"{0}\", expected a number")]
     Number(String),
-    /// The corner does not exist.
+    /// A face refers to a corner that does not exist.
     #[error("a face names corner {index}, {}", corners(*.first, *.count))]
     Index {
-        /// Index of the corner in the file.
+        /// Index of the corner as written in the file.
         index: i64,
-        /// Index of the first corner in the file's format: 1 for OBJ, 0 for COLLADA.
+        /// Index of the first corner in this format: 1 for OBJ, 0 for COLLADA.
         first: i64,
         /// Number of corners.
         count: usize,
     },
-    /// Another violation of the format.
+    /// Any other violation of the format, with its message.
     #[error("{0}")]
     Malformed(String),
 }

@@ -11,11 +11,11 @@ use crate::math::{V3, v3, vector};
 const GOLDEN: f64 = 2.399_963_229_728_653;
 
 impl TriangleMesh {
-    /// Computes the convex hull of the used corners, with outward-facing triangles. A hull of more than
-    /// `most_corners` corners is replaced by the inscribed hull of the corners farthest along `most_corners`
-    /// directions.
+    /// Computes the convex hull of the corners that belong to triangles. Its triangles face outward. If the
+    /// hull has more than `most_corners` corners, it is replaced by the hull of the corners that are farthest
+    /// along `most_corners` directions, which is inscribed in it.
     ///
-    /// `None` for a flat mesh, whose hull has no volume.
+    /// Returns `None` for a flat mesh, whose hull has no volume.
     pub fn hull(&self, most_corners: usize) -> Option<Self> {
         let corners: Vec<_> = self.used().map(|point| vector(V3::from(point))).collect();
         let (mut points, mut triangles) = try_convex_hull(&corners).ok()?;

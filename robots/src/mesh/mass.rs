@@ -6,20 +6,20 @@ use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vect
 
 use super::triangle_mesh::TriangleMesh;
 
-/// Volume, centre and inertia of a solid with uniform density.
+/// Volume, centre of mass and inertia of a solid with uniform density.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct VolumeProperties {
     /// Volume \[m3\].
     pub volume: f64,
     /// Centre of mass, in the axes of the mesh \[m\].
     pub centre: Vector3<f64>,
-    /// Inertia about the centre, per mass, in the axes of the mesh \[m2\].
+    /// Inertia about the centre of mass per unit of mass, in the axes of the mesh \[m2\].
     pub inertia: Matrix3<f64>,
 }
 
 impl VolumeProperties {
-    /// Returns the frame of the principal axes of inertia at the centre, and the principal moments per mass
-    /// \[m2\].
+    /// Returns the pose of the principal axes of inertia, with the centre of mass as origin, and the
+    /// principal moments per unit of mass \[m2\].
     pub fn principal(&self) -> (Isometry3<f64>, Vector3<f64>) {
         let eigen = self.inertia.symmetric_eigen();
         let mut axes = eigen.eigenvectors;
@@ -32,7 +32,7 @@ impl VolumeProperties {
 }
 
 impl TriangleMesh {
-    /// Returns the mesh with merged equal positions and without degenerate triangles.
+    /// Returns the mesh with coincident corners merged and degenerate triangles removed.
     pub fn welded(&self) -> Self {
         let mut places: HashMap<[u64; 3], u32> = HashMap::new();
         let mut points = Vec::new();
@@ -50,14 +50,15 @@ impl TriangleMesh {
         Self { points, triangles }
     }
 
-    /// Returns `true` for a mesh that encloses a volume: every edge borders two triangles with opposite
-    /// directions, and triangles face outward. Equal positions must be merged; see [`welded`](Self::welded).
+    /// Returns `true` if the mesh encloses a volume: every edge borders two triangles that traverse it in
+    /// opposite directions, and triangles face outward. Coincident corners must be merged first: see
+    /// [`welded`](Self::welded).
     pub fn is_closed(&self) -> bool {
         self.is_without_rim() && self.volume() > 0.0
     }
 
-    /// Returns `true` for a closed mesh that fills its convex hull up to a millionth of the volume. Positions
-    /// need not be merged.
+    /// Returns `true` if the mesh is closed and fills its convex hull up to a millionth of the volume.
+    /// Coincident corners need not be merged.
     ///
     /// ```
     /// use motorium_robots::TriangleMesh;
@@ -75,8 +76,8 @@ impl TriangleMesh {
         mesh.is_without_rim() && volume(&mesh) >= (1.0 - 1e-6) * hull
     }
 
-    /// Returns the mesh, with all triangles flipped if it encloses a volume and they face inward. Coincident
-    /// corners must be merged first: see [`welded`](Self::welded).
+    /// Returns the mesh with outward-facing triangles: if it encloses a volume and the triangles face inward,
+    /// all are flipped. Coincident corners must be merged first: see [`welded`](Self::welded).
     ///
     /// ```
     /// use motorium_robots::TriangleMesh;
@@ -94,9 +95,9 @@ impl TriangleMesh {
         self
     }
 
-    /// Returns the ends \[m\] of an edge between two triangles with inconsistent orientation: both traverse
-    /// it in the same direction. `None` if the orientation is consistent. Coincident corners must be merged
-    /// first: see [`welded`](Self::welded).
+    /// Returns the ends \[m\] of an edge between two inconsistently oriented triangles, which traverse it in
+    /// the same direction. `None` if the orientation is consistent. Coincident corners must be merged first:
+    /// see [`welded`](Self::welded).
     pub fn twisted_edge(&self) -> Option<[Vector3<f64>; 2]> {
         let edges = self.directed_edges();
         let twisted = |(from, to): &(u32, u32), count: i32| count == 2 && !edges.contains_key(&(*to, *from));
@@ -122,7 +123,8 @@ impl TriangleMesh {
         !edges.is_empty() && edges.iter().all(paired)
     }
 
-    /// Returns volume, centre and inertia of the solid enclosed by a [closed](Self::is_closed) mesh.
+    /// Returns the volume, centre of mass and inertia of the solid enclosed by a [closed](Self::is_closed)
+    /// mesh.
     ///
     /// ```
     /// use motorium_robots::TriangleMesh;
@@ -137,7 +139,7 @@ impl TriangleMesh {
     /// assert!((solid.centre - Vector3::repeat(0.25)).norm() < 1e-15);
     /// ```
     ///
-    /// `None` if the volume is not positive.
+    /// Returns `None` if the volume is not positive.
     pub fn volume_properties(&self) -> Option<VolumeProperties> {
         // Relative to a corner of the mesh, to avoid losing digits far from the origin.
         let origin = self.points[self.triangles.first()?[0] as usize];

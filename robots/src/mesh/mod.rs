@@ -22,7 +22,7 @@ pub use triangle_mesh::TriangleMesh;
 const LONGEST: u64 = 512 * 1024 * 1024;
 
 impl TriangleMesh {
-    /// Reads the text of a Wavefront OBJ file. Lengths are metres.
+    /// Creates a mesh from the text of a Wavefront OBJ file. Lengths are in metres.
     ///
     /// ```
     /// use motorium_robots::TriangleMesh;
@@ -34,19 +34,19 @@ impl TriangleMesh {
     ///
     /// # Errors
     ///
-    /// [`MeshProblem`].
+    /// [`MeshProblem`] if the text is not a valid OBJ file with triangles.
     pub fn from_obj(text: &str) -> Result<Self, MeshProblem> {
         obj::parse(text).map_err(|(_, problem)| problem)
     }
 
-    /// Reads an `.stl` (text or binary), `.obj` or `.dae` file.
+    /// Reads a mesh from an `.stl` (text or binary), `.obj` or `.dae` file.
     ///
-    /// Lengths in STL and OBJ files are metres. The `unit` of a COLLADA file is applied, its `up_axis` is
-    /// not, as in RViz, Gazebo and Pinocchio.
+    /// Lengths in STL and OBJ files are in metres. The `unit` of a COLLADA file is applied, but its `up_axis`
+    /// is not, as in RViz, Gazebo and Pinocchio.
     ///
     /// # Errors
     ///
-    /// [`MeshError`], with the line if the format has lines.
+    /// [`MeshError`], with the line number if the format has lines.
     pub fn read(path: &Path) -> Result<Self, MeshError> {
         let error = |line, problem| MeshError { path: path.to_owned(), line, problem };
         let extension = path.extension().map(|extension| extension.to_string_lossy().to_lowercase());

@@ -11,8 +11,9 @@ use super::triangle_mesh::TriangleMesh;
 const CREASE: f64 = 0.6427876096865394;
 
 impl TriangleMesh {
-    /// Returns the normal at each corner of each triangle: the mean, by area, of the triangles around the
-    /// corner that are within 50 degrees of this one. Zero for a triangle without area.
+    /// Returns the normal at each corner of each triangle, for smooth shading. It is the area-weighted mean
+    /// over the triangles around the corner whose normals are within 50 degrees of the triangle's. It is zero
+    /// for a triangle without area.
     ///
     /// ```
     /// use motorium_robots::TriangleMesh;
@@ -44,8 +45,8 @@ impl TriangleMesh {
         corners.map(|(index, triangle)| triangle.map(|corner| normal(index, corner))).collect()
     }
 
-    /// Returns the mesh as the text of a Wavefront OBJ file with [normals](Self::corner_normals), to a
-    /// micrometre.
+    /// Returns the mesh as the text of a Wavefront OBJ file with [normals](Self::corner_normals). Coordinates
+    /// are rounded to a micrometre.
     pub fn to_shaded_obj(&self) -> String {
         let (mut text, mut faces) = (String::new(), String::new());
         for point in &self.points {

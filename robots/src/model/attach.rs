@@ -6,46 +6,47 @@ use nalgebra::Isometry3;
 
 use super::{Base, Body, Coordinate, Frame, FrameId, Geometry, Inertia, Model, Shape, weld};
 
-/// A robot placed in a world.
+/// A robot and its placement in a world.
 #[derive(Clone, Copy, Debug)]
 pub struct Placed<'a> {
-    /// The robot; its base must be fixed.
+    /// Model of the robot. Its base must be fixed.
     pub model: &'a Model,
-    /// Prefix of its links' and joints' names in the world, such as `left/`.
+    /// Prefix of the names of its links and joints in the world, such as `left/`.
     pub prefix: &'a str,
-    /// Pose of its root frame in the world.
+    /// Pose of the robot's root frame in the world.
     pub placement: Isometry3<f64>,
 }
 
 /// The models cannot be combined.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum AttachError {
-    /// The tool has a floating base.
+    /// The tool has a floating base; its name.
     #[error("\"{0}\" has a floating base and cannot be attached to anything; load it with its base fixed")]
     Floating(String),
-    /// The frame is fixed to the world next to a floating base.
+    /// The frame with this name is fixed to the world next to a floating base.
     #[error(
-        "frame \"{0}\" is fixed to the world, apart from the floating base: moving bodies cannot be attached to it"
+        "frame \"{0}\" is fixed to the world next to the floating base, so moving bodies cannot be attached to it"
     )]
     InWorld(String),
-    /// A name would be duplicated.
+    /// Both models use the same name.
     #[error("both models have a {what} named \"{name}\"; choose another prefix")]
     Name {
-        /// `link` or `joint`.
+        /// Type of the name: `link` or `joint`.
         what: &'static str,
-        /// The name.
+        /// The duplicate name.
         name: String,
     },
 }
 
 impl Model {
     /// Returns the robot with `tool` (a gripper, another arm) fixed to `frame`. `placement` is the pose of
-    /// the tool's root frame in that frame. Names of the tool's links and joints get the `prefix`; its joints
-    /// are last in `q` and `v`.
+    /// the tool's root frame in `frame`. The tool's links and joints get the `prefix`, and its joints come
+    /// last in `q` and `v`.
     ///
     /// # Errors
     ///
-    /// [`AttachError`].
+    /// [`AttachError`] if the tool's base floats, the frame is fixed to the world next to a floating base, or
+    /// a name is duplicated.
     pub fn attached(
         &self,
         frame: FrameId,
@@ -103,8 +104,8 @@ impl Model {
         Ok(Self::new(self.name.clone(), base, bodies, frames))
     }
 
-    /// Returns the robot with `prefix`, such as `left/`, before the names of all links and joints, to
-    /// distinguish several robots of one type.
+    /// Returns the robot with `prefix`, such as `left/`, before the names of all links and joints. This
+    /// distinguishes several robots of one type.
     ///
     /// ```
     /// let robot = motorium_robots::load("pendulum", std::path::Path::new("."))?.model;
@@ -127,12 +128,13 @@ impl Model {
         Self::new(self.name.clone(), base, bodies.collect(), frames.collect())
     }
 
-    /// Returns the robot carrying a payload with `inertia` and `shapes`, both in the axes and about the
-    /// origin of `frame`. The payload gets a frame called `name` there.
+    /// Returns the robot with a payload fixed to `frame`. `inertia` and `shapes` are in the axes and about
+    /// the origin of `frame`. A new frame called `name` is added there.
     ///
     /// # Errors
     ///
-    /// [`AttachError`].
+    /// [`AttachError`] if the frame is fixed to the world next to a floating base, or the name exists
+    /// already.
     pub fn carrying(
         &self,
         frame: FrameId,
@@ -154,12 +156,12 @@ impl Model {
         self.attached(frame, &payload, &Isometry3::identity(), "")
     }
 
-    /// Combines several robots in one world into one model; `q` and `v` are concatenated. The first frame is
-    /// `world`.
+    /// Combines several robots in one world into one model. `q` and `v` are the robots' vectors, concatenated
+    /// in order. The first frame is `world`.
     ///
     /// # Errors
     ///
-    /// [`AttachError`]: bases must be fixed, and prefixed names must be unique.
+    /// [`AttachError`] if a base floats or a prefixed name is duplicated.
     pub fn world(name: &str, robots: &[Placed<'_>]) -> Result<Self, AttachError> {
         let mut world = Self::of_frame(name, "world");
         for robot in robots {
@@ -168,8 +170,8 @@ impl Model {
         Ok(world)
     }
 
-    /// Returns the robot with its root frame at `pose` in the world. A floating base starts there in the
-    /// neutral configuration; with a fixed base, all frames fixed to the world move as well.
+    /// Returns the robot with its root frame at `pose` in the world. A floating base has this pose in the
+    /// neutral configuration. With a fixed base, all frames fixed to the world move as well.
     ///
     /// ```
     /// use motorium_robots::{Kinematics, load};

@@ -11,7 +11,8 @@ use crate::math::lie::se3;
 use crate::{JointKind, Model};
 
 impl Model {
-    /// Returns the configuration with all joints at zero and the base at its pose in the file.
+    /// Returns the neutral configuration (nq): all joints at zero and a floating base at its pose in the
+    /// file.
     pub fn neutral(&self) -> Vec<f64> {
         let mut q = vec![0.0; self.nq()];
         if self.base().floating {
@@ -20,8 +21,8 @@ impl Model {
         q
     }
 
-    /// Moves `q` for unit time with the constant velocity `v` and writes the result to `q_out`. For a time
-    /// `dt`, pass `v dt`.
+    /// Moves `q` (nq) for unit time with the constant velocity `v` (nv) and writes the result to `q_out`
+    /// (nq). For a time `dt`, pass `v dt`.
     ///
     /// The base follows the screw of its velocity, `T exp(v)`. The resulting quaternion is normalised.
     pub fn integrate(&self, q: &[f64], v: &[f64], q_out: &mut [f64]) {
@@ -39,7 +40,8 @@ impl Model {
         }
     }
 
-    /// Computes the `v_out` with `integrate(from, v_out) = to` that has the smallest rotation.
+    /// Computes the velocity `v_out` (nv) that moves `from` to `to` in unit time, with the smallest rotation:
+    /// `integrate(from, v_out) = to`.
     pub fn difference(&self, from: &[f64], to: &[f64], v_out: &mut [f64]) {
         assert!(
             from.len() == self.nq() && to.len() == self.nq() && v_out.len() == self.nv(),
@@ -56,7 +58,8 @@ impl Model {
         }
     }
 
-    /// Interpolates between `from` (share 0) and `to` (share 1) along [`difference`](Self::difference).
+    /// Interpolates between `from` (`share` 0) and `to` (`share` 1) along [`difference`](Self::difference)
+    /// and writes the result to `q_out` (nq).
     pub fn interpolate(&self, from: &[f64], to: &[f64], share: f64, q_out: &mut [f64]) {
         assert!(from.len() == self.nq() && to.len() == self.nq() && q_out.len() == self.nq(), "length of q");
         let offset = self.nq() - self.joint_count();
@@ -69,8 +72,8 @@ impl Model {
         }
     }
 
-    /// Converts `q` to Pinocchio's layout: the same base, and cosine and sine for a continuous joint, so that
-    /// a planar joint is x, y, cosine and sine. The order of the joints is kept.
+    /// Converts `q` to Pinocchio's layout. The base is the same, and a continuous joint has its cosine and
+    /// sine, so a planar joint is x, y, cosine and sine. The order of the joints is kept.
     pub fn to_pinocchio(&self, q: &[f64]) -> Vec<f64> {
         let mut out = q[..self.nq() - self.joint_count()].to_vec();
         for (index, &angle) in self.joints_of_q(q).iter().enumerate() {
@@ -82,8 +85,8 @@ impl Model {
         out
     }
 
-    /// Inverse of [`to_pinocchio`](Self::to_pinocchio); angles of continuous joints are in -pi .. pi. `None`
-    /// if the length of `q` does not match the layout.
+    /// Converts `q` from Pinocchio's layout, the inverse of [`to_pinocchio`](Self::to_pinocchio). Angles of
+    /// continuous joints are in -pi .. pi. `None` if the length of `q` does not match the layout.
     pub fn from_pinocchio(&self, q: &[f64]) -> Option<Vec<f64>> {
         let start = self.nq() - self.joint_count();
         let mut out = q.get(..start)?.to_vec();
@@ -107,7 +110,8 @@ impl Model {
         self.turned_planes(q, v, -1.0)
     }
 
-    /// Inverse of [`velocity_to_pinocchio`](Self::velocity_to_pinocchio); `q` is in this crate's layout.
+    /// Converts a velocity from Pinocchio's axes, the inverse of
+    /// [`velocity_to_pinocchio`](Self::velocity_to_pinocchio). `q` is in this crate's layout.
     pub fn velocity_from_pinocchio(&self, q: &[f64], v: &[f64]) -> Vec<f64> {
         self.turned_planes(q, v, 1.0)
     }
@@ -142,7 +146,8 @@ impl Model {
         (qpos, qvel)
     }
 
-    /// Inverse of [`to_mujoco`](Self::to_mujoco).
+    /// Converts a configuration and velocity from MuJoCo's layout to `q` and `v`, the inverse of
+    /// [`to_mujoco`](Self::to_mujoco).
     pub fn from_mujoco(&self, qpos: &[f64], qvel: &[f64]) -> (Vec<f64>, Vec<f64>) {
         let (mut q, mut v) = (qpos.to_vec(), qvel.to_vec());
         if self.base().floating {

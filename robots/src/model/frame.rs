@@ -10,7 +10,7 @@ use crate::nearest::suggestion;
 pub struct FrameId(pub(crate) usize);
 
 impl FrameId {
-    /// Position in [`Model::frames`](crate::Model::frames).
+    /// Returns the index in [`Model::frames`](crate::Model::frames).
     pub fn index(self) -> usize {
         self.0
     }
@@ -19,22 +19,22 @@ impl FrameId {
 /// The frame of a URDF link.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Frame {
-    /// Link name.
+    /// Name of the link.
     pub name: String,
-    /// Body to which it is fixed; `None` for the base.
+    /// Index of the body to which the frame is fixed; `None` for the base or the world.
     pub body: Option<usize>,
     /// `true` if the frame is fixed to the world next to a floating base, such as a link above a `floating`
     /// joint.
     pub in_world: bool,
-    /// Pose in the frame of the body, the base or the world.
+    /// Pose in the frame of the body, of the base or of the world.
     pub placement: Isometry3<f64>,
-    /// Parent link, connected by a joint of any type, as an index among the frames; `None` for a root.
+    /// Frame index of the parent link, to which a joint of any type connects it; `None` for a root.
     pub parent: Option<usize>,
     /// Inertia of this link alone, in its frame.
     pub inertia: Inertia,
 }
 
-/// No link has this name.
+/// The robot has no link with this name.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("robot \"{robot}\" has no link \"{name}\"{}", suggestion(.nearest.as_deref()))]
 pub struct UnknownFrame {
@@ -42,6 +42,6 @@ pub struct UnknownFrame {
     pub name: String,
     /// Name of the robot.
     pub robot: String,
-    /// The link most likely meant.
+    /// The closest existing link.
     pub nearest: Option<String>,
 }

@@ -19,7 +19,7 @@ impl Inertia {
         Self { mass: 0.0, com: Vector3::zeros(), rotational: Matrix3::zeros() }
     }
 
-    /// Returns the inertia in the parent frame, in which `pose` places this body's frame.
+    /// Returns the inertia in another frame; `pose` is the pose of the current frame in it.
     pub fn moved(&self, pose: &Isometry3<f64>) -> Self {
         let r = pose.rotation.to_rotation_matrix().into_inner();
         Self {
@@ -29,13 +29,13 @@ impl Inertia {
         }
     }
 
-    /// Returns the inertia of the same shape with `factor` times its density.
+    /// Returns the inertia of a body with the same shape and `factor` times the density.
     #[must_use]
     pub fn times(&self, factor: f64) -> Self {
         Self { mass: self.mass * factor, com: self.com, rotational: self.rotational * factor }
     }
 
-    /// Combines two bodies welded together, both in the same frame.
+    /// Returns the combined inertia of two bodies welded together, both given in the same frame.
     pub fn merged(&self, other: &Self) -> Self {
         let mass = self.mass + other.mass;
         if mass == 0.0 {

@@ -17,18 +17,18 @@ pub enum JointKind {
 /// Limits of one joint, infinite if missing from the file. Units: rad or m, rad/s or m/s, Nm or N.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
-    /// Lowest position.
+    /// Minimum position.
     pub lower: f64,
-    /// Highest position.
+    /// Maximum position.
     pub upper: f64,
-    /// Largest speed in either direction.
+    /// Maximum speed in either direction.
     pub velocity: f64,
-    /// Largest effort in either direction.
+    /// Maximum effort in either direction.
     pub effort: f64,
 }
 
 impl Limits {
-    /// No limits.
+    /// Infinite limits.
     pub const NONE: Self = Self {
         lower: f64::NEG_INFINITY,
         upper: f64::INFINITY,
@@ -44,28 +44,29 @@ pub struct JointDynamics {
     pub damping: f64,
     /// Static (Coulomb) friction \[Nm or N\].
     pub friction: f64,
-    /// Stiffness of a spring in the joint \[Nm/rad or N/m\], 0 without one.
+    /// Stiffness of a spring in the joint \[Nm/rad or N/m\]; 0 without a spring.
     pub stiffness: f64,
     /// Rest position of the spring \[rad or m\].
     pub rest: f64,
 }
 
-/// The drive of a joint, if the file describes it. Only its [`armature`](Self::armature) affects the
+/// The drive of a joint, as described in the robot's file. Only its [`armature`](Self::armature) affects the
 /// dynamics.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Drive {
-    /// Motor revolutions per joint revolution, or motor radians per metre of a prismatic joint.
+    /// Gear reduction: motor revolutions per joint revolution, or motor radians per metre of a prismatic
+    /// joint.
     pub reduction: f64,
     /// Inertia of the motor's rotor about its axis \[kg m2\].
     pub rotor_inertia: f64,
 }
 
 impl Drive {
-    /// A direct drive without inertia.
+    /// A direct drive without rotor inertia. Default if the file describes no drive.
     pub const DIRECT: Self = Self { reduction: 1.0, rotor_inertia: 0.0 };
 
-    /// Returns the rotor inertia reflected to the joint \[kg m2 or kg\], part of the diagonal of the mass
-    /// matrix.
+    /// Returns the rotor inertia reflected to the joint \[kg m2 or kg\]. It is part of the diagonal of the
+    /// mass matrix.
     pub fn armature(&self) -> f64 {
         self.reduction * self.reduction * self.rotor_inertia
     }
@@ -85,31 +86,33 @@ pub struct SafetyController {
     pub soft_lower: f64,
     /// Upper soft limit of the position \[rad or m\].
     pub soft_upper: f64,
-    /// Allowed speed per distance from the soft limit \[1/s\].
+    /// Allowed speed per distance from the soft position limit \[1/s\].
     pub k_position: f64,
-    /// Allowed effort per distance from the allowed speed \[Nms/rad or Ns/m\].
+    /// Allowed effort per difference from the allowed speed \[Nms/rad or Ns/m\].
     pub k_velocity: f64,
 }
 
-/// Source of a joint's position: its own coordinate, or another joint.
+/// Source of a joint's position: an independent coordinate, or another joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Coordinate {
-    /// Index in the joints' part of `q` ([`Model::joints_of_q`](crate::Model::joints_of_q)).
+    /// Independent coordinate: index in the joints' part of `q`
+    /// ([`Model::joints_of_q`](crate::Model::joints_of_q)).
     Independent(usize),
-    /// Follows another joint: position = `multiplier * q[of] + offset`. Chains of mimic joints are resolved.
+    /// Follows another joint: position = `multiplier * q[of] + offset`. Chains of mimic joints are resolved
+    /// to an independent joint.
     Mimic {
-        /// Index of its master among the independent joints.
+        /// Index of the followed joint among the independent joints.
         of: usize,
-        /// Ratio of the two positions.
+        /// Position per unit of the followed joint's position.
         multiplier: f64,
-        /// Position with the master at zero \[rad or m\].
+        /// Position when the followed joint is at zero \[rad or m\].
         offset: f64,
     },
 }
 
 impl Coordinate {
-    /// Index of the independent joint that moves it. For a fixed base this is its index in `q` and `v`; for a
-    /// floating base add 7 and 6.
+    /// Returns the index of the independent joint that determines the position. For a fixed base this is its
+    /// index in `q` and `v`; for a floating base add 7 and 6.
     pub fn index(&self) -> usize {
         match *self {
             Self::Independent(index) => index,
@@ -117,7 +120,7 @@ impl Coordinate {
         }
     }
 
-    /// Joint position per unit of `q[index]`.
+    /// Returns the joint position per unit of `q[index]`.
     pub fn multiplier(&self) -> f64 {
         match *self {
             Self::Independent(_) => 1.0,
@@ -125,7 +128,7 @@ impl Coordinate {
         }
     }
 
-    /// Joint position at `q[index] == 0` \[rad or m\].
+    /// Returns the joint position at `q[index] == 0` \[rad or m\].
     pub fn offset(&self) -> f64 {
         match *self {
             Self::Independent(_) => 0.0,
@@ -133,7 +136,7 @@ impl Coordinate {
         }
     }
 
-    /// Returns the position of the joint \[rad or m\]; `q` is the joints' part of the configuration.
+    /// Returns the position of the joint \[rad or m\]. `q` is the joints' part of the configuration.
     pub fn position(&self, q: &[f64]) -> f64 {
         self.multiplier() * q[self.index()] + self.offset()
     }
@@ -142,29 +145,30 @@ impl Coordinate {
 /// The joint that moves a body.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Joint {
-    /// Name in the file.
+    /// Name of the joint in the file.
     pub name: String,
-    /// Kind of motion.
+    /// Type of motion.
     pub kind: JointKind,
     /// Axis of rotation or translation in the joint frame, which is the body frame.
     pub axis: Unit<Vector3<f64>>,
-    /// Body frame at joint position zero, in the parent body's frame, including the fixed joints in between.
+    /// Pose of the body frame in the parent body's frame at joint position zero. Fixed joints in between are
+    /// included.
     pub placement: Isometry3<f64>,
-    /// Limits of this joint itself, mimic or not. [`Model::lower`](crate::Model::lower) and the related
-    /// methods also respect the limits of followers.
+    /// Limits of this joint alone. [`Model::lower`](crate::Model::lower) and the related methods also respect
+    /// the limits of joints that follow it.
     pub limits: Limits,
-    /// Damping and friction.
+    /// Passive forces: damping, friction and spring.
     pub dynamics: JointDynamics,
     /// Reduction and rotor of the drive.
     pub drive: Drive,
-    /// Limits for controllers, if given in the file.
+    /// Limits for controllers; `None` if the file specifies none.
     pub safety: Option<SafetyController>,
     /// Source of the position.
     pub coordinate: Coordinate,
 }
 
 impl Joint {
-    /// Returns the body frame at joint position `x` \[rad or m\], in the parent body's frame.
+    /// Returns the pose of the body frame in the parent body's frame at joint position `x` \[rad or m\].
     pub fn pose(&self, x: f64) -> Isometry3<f64> {
         let motion = match self.kind {
             JointKind::Prismatic => {

@@ -8,20 +8,20 @@ use crate::nearest::{nearest, suggestion};
 /// The joints cannot be locked.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum LockError {
-    /// There is no independent joint with this name.
+    /// No independent joint has this name.
     #[error("robot \"{robot}\" has no independent joint \"{joint}\" to lock{}", suggestion(.nearest.as_deref()))]
     UnknownJoint {
-        /// The robot.
+        /// Name of the robot.
         robot: String,
         /// The requested name.
         joint: String,
-        /// The joint most likely meant.
+        /// The closest existing joint.
         nearest: Option<String>,
     },
     /// The position is not finite.
-    #[error("joint \"{joint}\" cannot be locked at {position}")]
+    #[error("joint \"{joint}\" cannot be locked at {position}, expected a finite position")]
     Position {
-        /// The joint.
+        /// Name of the joint.
         joint: String,
         /// The requested position \[rad or m\].
         position: f64,
@@ -30,12 +30,12 @@ pub enum LockError {
 
 impl Model {
     /// Returns the robot with some joints locked at positions \[rad or m\]. Locked joints are removed from
-    /// `q` and `v`, and their mimic joints are locked as well. Inertias, shapes and frames of their bodies
-    /// move to the carrying bodies. Positions may exceed limits. The other joints keep their order.
+    /// `q` and `v`, and joints that mimic them are locked as well. Inertias, shapes and frames of their
+    /// bodies move to the carrying bodies. Positions may exceed limits. The other joints keep their order.
     ///
     /// # Errors
     ///
-    /// [`LockError`].
+    /// [`LockError`] for an unknown joint or a position that is not finite.
     pub fn locked(&self, joints: &[(&str, f64)]) -> Result<Self, LockError> {
         let mut held: Vec<Option<f64>> = vec![None; self.joint_count()];
         for &(joint, position) in joints {

@@ -92,53 +92,56 @@ impl Model {
         }
     }
 
-    /// Name of the robot in its file.
+    /// Returns the name of the robot in its file.
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// Length of `v`, `a` and `tau`: the number of independent joints, and six for a floating base.
+    /// Returns the length of `v`, `a` and `tau`: the number of independent joints, plus six for a floating
+    /// base.
     pub fn nv(&self) -> usize {
         self.joint_names.len() + if self.base.floating { 6 } else { 0 }
     }
 
-    /// Length of `q`; equal to [`nv`](Self::nv) on a fixed base, one more on a floating one.
+    /// Returns the length of `q`: equal to [`nv`](Self::nv) for a fixed base, one more for a floating base.
     pub fn nq(&self) -> usize {
         self.joint_names.len() + if self.base.floating { 7 } else { 0 }
     }
 
-    /// Number of independent joints.
+    /// Returns the number of independent joints.
     pub fn joint_count(&self) -> usize {
         self.joint_names.len()
     }
 
-    /// Root of the tree.
+    /// Returns the base, the root of the tree.
     pub fn base(&self) -> &Base {
         &self.base
     }
 
-    /// Returns the joints' part of a configuration: all of it for a fixed base, the part after the base's
-    /// pose for a floating one.
+    /// Returns the joints' part of a configuration: all of it for a fixed base, everything after the base's
+    /// pose for a floating base.
     pub fn joints_of_q<'a>(&self, q: &'a [f64]) -> &'a [f64] {
         &q[if self.base.floating { 7 } else { 0 }..]
     }
 
-    /// Returns the joints' part of a velocity, acceleration or effort.
+    /// Returns the joints' part of a velocity, acceleration or effort: everything after the six entries of a
+    /// floating base.
     pub fn joints_of_v<'a>(&self, v: &'a [f64]) -> &'a [f64] {
         &v[if self.base.floating { 6 } else { 0 }..]
     }
 
-    /// Returns `true` if a joint follows another.
+    /// Returns `true` if the model has mimic joints.
     pub fn has_mimics(&self) -> bool {
         self.flat.coupled
     }
 
-    /// Moving mass \[kg\]: includes the base only if it floats. See [`total_mass`](Self::total_mass).
+    /// Returns the mass of all moving bodies \[kg\]. The base is included only if it floats. See
+    /// [`total_mass`](Self::total_mass).
     pub fn mass(&self) -> f64 {
         self.flat.base.mass + self.bodies.iter().map(|body| body.inertia.mass).sum::<f64>()
     }
 
-    /// Mass of all links \[kg\], including links fixed to the world.
+    /// Returns the mass of all links \[kg\], including links fixed to the world.
     ///
     /// ```
     /// let panda = motorium_robots::load("panda", std::path::Path::new("."))?.model;
@@ -155,47 +158,47 @@ impl Model {
         !self.base.shapes.is_empty() || self.bodies.iter().any(|body| !body.shapes.is_empty())
     }
 
-    /// Names of the independent joints, in the order of `q` and `v` (after the floating base, if there is
-    /// one).
+    /// Returns the names of the independent joints, in the order of `q` and `v` (after a floating base).
     pub fn joint_names(&self) -> &[String] {
         &self.joint_names
     }
 
-    /// Returns the index of a joint among the independent joints; on a fixed base, this is its index in `q`.
+    /// Returns the index of a joint among the independent joints; `None` if there is no such joint. For a
+    /// fixed base, this is its index in `q`.
     pub fn joint_index(&self, name: &str) -> Option<usize> {
         self.joint_names.iter().position(|joint| joint == name)
     }
 
-    /// Returns the independent joint `index`.
+    /// Returns the independent joint with this index.
     pub fn joint(&self, index: usize) -> &Joint {
         &self.bodies[self.joint_bodies[index]].joint
     }
 
-    /// Moving bodies, parents before children.
+    /// Returns the moving bodies, parents before children.
     pub fn bodies(&self) -> &[Body] {
         &self.bodies
     }
 
-    /// Index of the body moved by the independent joint `index`.
+    /// Returns the index of the body that the independent joint `index` moves.
     pub fn joint_body(&self, index: usize) -> usize {
         self.joint_bodies[index]
     }
 
-    /// Frames of all URDF links, the root first, parents before children.
+    /// Returns the frames of all links, parents before children. The root comes first.
     pub fn frames(&self) -> &[Frame] {
         &self.frames
     }
 
-    /// Iterates over the frames of all links, in their order.
+    /// Returns an iterator over the frames of all links, in their order.
     pub fn frame_ids(&self) -> impl Iterator<Item = FrameId> + use<> {
         (0..self.frames.len()).map(FrameId)
     }
 
-    /// Returns the frame of the link `name`.
+    /// Returns the frame of the link with this name.
     ///
     /// # Errors
     ///
-    /// [`UnknownFrame`], with the nearest name.
+    /// [`UnknownFrame`] with the closest existing name.
     pub fn frame(&self, name: &str) -> Result<FrameId, UnknownFrame> {
         self.frames.iter().position(|frame| frame.name == name).map(FrameId).ok_or_else(|| UnknownFrame {
             name: name.to_owned(),
@@ -204,7 +207,8 @@ impl Model {
         })
     }
 
-    /// Returns the frames of a link and its subtree, across fixed and moving joints, parents first.
+    /// Returns the frames of a link and of everything it carries across fixed and moving joints, parents
+    /// first.
     ///
     /// ```
     /// let panda = motorium_robots::load("panda", std::path::Path::new("."))?.model;
@@ -222,28 +226,29 @@ impl Model {
         (0..self.frames.len()).filter(|index| carried[*index]).map(FrameId).collect()
     }
 
-    /// Lower position limits \[rad or m\], one per independent joint, -inf without a limit. The limits of
-    /// followers narrow the lower, upper and velocity limits.
+    /// Returns the lower position limits \[rad or m\], one per independent joint; -inf without a limit. They
+    /// are narrowed by the limits of joints that follow, as are upper and velocity limits.
     pub fn lower(&self) -> &DVector<f64> {
         &self.lower
     }
 
-    /// Upper position limits \[rad or m\], one per independent joint, +inf without a limit.
+    /// Returns the upper position limits \[rad or m\], one per independent joint; +inf without a limit.
     pub fn upper(&self) -> &DVector<f64> {
         &self.upper
     }
 
-    /// Velocity limits \[rad/s or m/s\], one per independent joint, +inf without a limit.
+    /// Returns the velocity limits \[rad/s or m/s\], one per independent joint; +inf without a limit.
     pub fn velocity_limit(&self) -> &DVector<f64> {
         &self.velocity_limit
     }
 
-    /// Effort limits \[Nm or N\], one per independent joint, +inf without a limit.
+    /// Returns the effort limits \[Nm or N\], one per independent joint; +inf without a limit.
     pub fn effort_limit(&self) -> &DVector<f64> {
         &self.effort_limit
     }
 
-    /// Collision geometry of the base; unless the base floats, these are the links fixed to the world.
+    /// Returns the collision geometry of the base. Unless the base floats, this includes all links fixed to
+    /// the world.
     pub fn base_shapes(&self) -> &[Shape] {
         &self.base.shapes
     }

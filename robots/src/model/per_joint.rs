@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{JointKind, Model};
 
-/// One number for all joints of a robot, or a list with one number per joint, in the model's order.
+/// One number for all joints of a robot, or a list of one number per joint in the model's order.
 ///
 /// ```
 /// use motorium_robots::PerJoint;
@@ -19,7 +19,7 @@ use crate::{JointKind, Model};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged, expecting = "expected one number, or a list with one number per joint")]
 pub enum PerJoint {
-    /// One value for all joints.
+    /// One number for all joints.
     All(f64),
     /// One number for each joint.
     Each(Vec<f64>),
@@ -43,10 +43,10 @@ impl Default for PerJoint {
 }
 
 impl PerJoint {
-    /// Returns a list with one number for each of `joints` joints.
+    /// Returns a list of one number for each of `joints` joints.
     ///
     /// # Errors
-    /// [`PerJointError`] if it is a list with another length.
+    /// [`PerJointError`] if the value is a list of another length.
     pub fn resolve(&self, joints: usize) -> Result<Vec<f64>, PerJointError> {
         match self {
             Self::All(value) => Ok(vec![*value; joints]),
@@ -55,7 +55,7 @@ impl PerJoint {
         }
     }
 
-    /// Returns the numbers as written: one, or one per joint.
+    /// Returns the numbers as written: a single number, or one per joint.
     pub fn values(&self) -> &[f64] {
         match self {
             Self::All(value) => core::slice::from_ref(value),
@@ -65,8 +65,8 @@ impl PerJoint {
 }
 
 impl Model {
-    /// Returns advice if a position of a revolute joint is outside its limits in rad but would be within them
-    /// in degrees.
+    /// Returns advice for a position of a revolute joint that is outside its limits in rad but would be
+    /// within them if it were in degrees. `None` for other positions.
     ///
     /// ```
     /// let panda = motorium_robots::load("panda", std::path::Path::new("."))?.model;

@@ -4,21 +4,21 @@ use nalgebra::Isometry3;
 
 use super::{Geometry, Inertia, JointKind, Model, Shape};
 
-/// An invalid scale.
+/// The scale is not a positive number.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-#[error("a robot cannot be scaled by {0}; give a number above 0")]
+#[error("a robot cannot be scaled by {0}, expected a number above 0")]
 pub struct ScaleError(pub f64);
 
-/// Factors of the physical properties of a body and its joint. The default changes nothing.
+/// Scale factors of the physical properties of a body and its joint. The default changes nothing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BodyFactors {
-    /// Factor of mass and rotational inertia: the same shape with another density.
+    /// Scales mass and rotational inertia: the same shape with another density.
     pub mass: f64,
-    /// Factor of the viscous damping of its joint.
+    /// Scales the viscous damping of the body's joint.
     pub damping: f64,
-    /// Factor of the Coulomb friction of its joint.
+    /// Scales the Coulomb friction of the body's joint.
     pub friction: f64,
-    /// Factor of the effort limit of its joint.
+    /// Scales the effort limit of the body's joint.
     pub effort_limit: f64,
 }
 
@@ -37,8 +37,8 @@ impl BodyFactors {
 }
 
 impl Model {
-    /// Returns the robot with scaled masses, joint friction and efforts. `base` is the factor of the base's
-    /// mass; `bodies` has factors for each of its [`bodies`](Self::bodies). Shapes, centres of mass and
+    /// Returns the robot with scaled masses, joint friction and efforts. `base` scales the mass of the base;
+    /// `bodies` has one set of factors for each of the [`bodies`](Self::bodies). Shapes, centres of mass and
     /// ranges of motion are unchanged.
     ///
     /// ```
@@ -53,7 +53,7 @@ impl Model {
     ///
     /// # Panics
     ///
-    /// If the length of `bodies` differs from the number of bodies, or a factor is negative or not finite.
+    /// If the number of factors differs from the number of bodies, or a factor is negative or not finite.
     #[must_use]
     pub fn with_factors(&self, base: f64, bodies: &[BodyFactors]) -> Self {
         assert_eq!(bodies.len(), self.bodies.len(), "one set of factors per body");
@@ -76,13 +76,14 @@ impl Model {
         Self::new(self.name.clone(), new_base, new_bodies, frames)
     }
 
-    /// Returns the robot `scale` times as large, of the same material: lengths times `scale`, masses times
-    /// its third power, rotational inertias times its fifth. Limits of prismatic joints and their speeds
-    /// scale like lengths. Efforts, rotational speeds, damping, friction, stiffness and rotors are unchanged.
+    /// Returns the robot `scale` times as large, made of the same material: lengths are multiplied by
+    /// `scale`, masses by its third power, rotational inertias by its fifth power. Position and velocity
+    /// limits of prismatic joints scale like lengths. Efforts, rotational speeds, damping, friction,
+    /// stiffness and rotors are unchanged.
     ///
     /// # Errors
     ///
-    /// [`ScaleError`] unless `scale` is a number above zero.
+    /// [`ScaleError`] if `scale` is not a number above zero.
     pub fn scaled(&self, scale: f64) -> Result<Self, ScaleError> {
         if !(scale > 0.0 && scale.is_finite()) {
             return Err(ScaleError(scale));
@@ -160,7 +161,7 @@ impl Model {
         Ok(Self::new(self.name.clone(), base, bodies, frames))
     }
 
-    /// Returns the robot with its velocity limits reduced to at most `limits` \[rad/s or m/s\], one for each
+    /// Returns the robot with its velocity limits reduced to at most `limits` \[rad/s or m/s\], one per
     /// independent joint.
     ///
     /// ```

@@ -10,22 +10,22 @@ use crate::TriangleMesh;
 /// A collision shape, fixed to a body or to the base.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Shape {
-    /// URDF link of the shape.
+    /// Name of the link to which the shape belongs.
     pub link: String,
-    /// Frame of the geometry in the body frame (in the world for shapes of the base).
+    /// Pose of the geometry in the body frame, or in the world for shapes of a fixed base.
     pub placement: Isometry3<f64>,
-    /// The geometry.
+    /// Geometry of the shape.
     pub geometry: Geometry,
 }
 
 impl Shape {
-    /// Returns the shape relative to the frame in which its own frame has this `pose`.
+    /// Returns the shape in another frame; `pose` is the pose of the current frame in it.
     pub fn moved(&self, pose: &Isometry3<f64>) -> Self {
         Self { placement: pose * self.placement, ..self.clone() }
     }
 }
 
-/// Geometry centred on the origin of its frame. Metres.
+/// Geometry of a shape, centred on the origin of its frame. Lengths are in metres.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Geometry {
     /// Box with these full side lengths.
@@ -45,20 +45,20 @@ pub enum Geometry {
         /// Radius.
         radius: f64,
     },
-    /// Cylinder along z with half spheres added at both ends.
+    /// Capsule: a cylinder along z with a half sphere at each end.
     Capsule {
         /// Radius.
         radius: f64,
-        /// Length of the cylinder, without the caps.
+        /// Length of the cylinder without the half spheres.
         length: f64,
     },
-    /// A mesh: in a separate file that has not been read, or contained in the robot's file.
+    /// A mesh, either in a separate file, which has not been read, or contained in the robot's file.
     Mesh {
-        /// File name as in the robot's file; for a mesh without a file, its name.
+        /// File name as written in the robot's file, or the name of a mesh without a file.
         uri: String,
-        /// The file, if it was found.
+        /// Path of the file; `None` if it was not found.
         path: Option<PathBuf>,
-        /// Mesh data, if the mesh has no file.
+        /// Mesh data of a mesh without a file.
         inline: Option<Arc<TriangleMesh>>,
         /// Scale along x, y and z.
         scale: Vector3<f64>,

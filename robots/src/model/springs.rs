@@ -3,33 +3,33 @@
 use super::Model;
 use crate::nearest::nearest;
 
-/// A spring is invalid.
+/// A spring setting is not valid.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SpringError {
-    /// The joint does not exist.
+    /// The robot has no joint with this name.
     #[error("the robot has no joint \"{joint}\"{}", crate::nearest::suggestion(.nearest.as_deref()))]
     UnknownJoint {
-        /// The name.
+        /// The unknown name.
         joint: String,
-        /// The joint most likely meant.
+        /// The closest existing joint.
         nearest: Option<String>,
     },
     /// A number is out of range.
     #[error("{name} {value} of the spring of joint \"{joint}\", expected {expected}")]
     Value {
-        /// The joint.
+        /// Name of the joint.
         joint: String,
-        /// Name of the number.
+        /// Name of the setting.
         name: &'static str,
-        /// The value found.
+        /// Actual value.
         value: f64,
-        /// The range expected.
+        /// Expected range, as a phrase.
         expected: &'static str,
     },
 }
 
 impl Model {
-    /// Returns the robot with springs in these joints, replacing existing ones. Each spring consists of the
+    /// Returns the robot with springs in the given joints, replacing existing ones. Each spring is the
     /// joint's name, the stiffness \[Nm/rad or N/m\], and the rest position \[rad or m\].
     ///
     /// ```
@@ -43,7 +43,7 @@ impl Model {
     ///
     /// # Errors
     ///
-    /// [`SpringError`].
+    /// [`SpringError`] for an unknown joint or a number out of range.
     pub fn with_springs(&self, springs: &[(&str, f64, f64)]) -> Result<Self, SpringError> {
         let mut bodies = self.bodies.clone();
         for &(name, stiffness, rest) in springs {

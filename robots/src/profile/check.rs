@@ -23,7 +23,7 @@ impl Profile {
             for (joint, limit) in self.joints.iter().zip(limits) {
                 if limit.is_nan() || *limit <= 0.0 {
                     let what = format!("the {key} limit of joint \"{joint}\"");
-                    let (found, expected) = (limit.to_string(), "a positive number, or `inf` for none");
+                    let (found, expected) = (limit.to_string(), "a positive number, or `inf` for no limit");
                     return Err(ProfileError::Value { what, found, expected });
                 }
             }
@@ -94,11 +94,12 @@ impl Profile {
         Err(ProfileError::Length { what: what.to_owned(), found, expected })
     }
 
-    /// Checks that every named joint and frame exists in `model`, and that every joint of `model` is named.
+    /// Checks that every joint and frame that the profile names exists in `model`, and that the profile names
+    /// every joint of `model`.
     ///
     /// # Errors
     ///
-    /// [`ProfileError`] describes the first mismatch.
+    /// [`ProfileError`] for the first mismatch.
     pub fn check(&self, model: &Model) -> Result<(), ProfileError> {
         let known = |what: &str, joints: &[String]| {
             joints.iter().find(|joint| model.joint_index(joint).is_none()).map_or(Ok(()), |joint| {

@@ -6,17 +6,17 @@ use crate::nearest::suggestion_or_list;
 /// The profile is invalid, or does not match the model.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ProfileError {
-    /// The text is not TOML or not of the expected form.
+    /// The text is not TOML, or has unknown keys or types.
     #[error("{0}")]
     Toml(#[from] toml::de::Error),
-    /// An array has the wrong length.
+    /// A list has the wrong length.
     #[error("{what} has {found} entries, expected {expected}: one per joint of `joints`")]
     Length {
-        /// The array.
+        /// Description of the list.
         what: String,
-        /// Its length.
+        /// Length of the list.
         found: usize,
-        /// The number of joints.
+        /// Expected length: the number of joints.
         expected: usize,
     },
     /// No pose has this name.
@@ -24,9 +24,9 @@ pub enum ProfileError {
     UnknownPose {
         /// The requested name.
         name: String,
-        /// The pose most likely meant.
+        /// The closest existing pose.
         nearest: Option<String>,
-        /// The names of all poses.
+        /// Names of all poses.
         known: Vec<String>,
     },
     /// There is no end effector with this name.
@@ -34,54 +34,54 @@ pub enum ProfileError {
     UnknownEndEffector {
         /// The requested name.
         name: String,
-        /// The end effector most likely meant.
+        /// The closest existing end effector.
         nearest: Option<String>,
-        /// The names of all end effectors.
+        /// Names of all end effectors.
         known: Vec<String>,
     },
     /// The model has a joint that the profile does not list.
     #[error("the profile does not list joint \"{joint}\" of robot \"{robot}\"")]
     MissingJoint {
-        /// The joint.
+        /// Name of the joint.
         joint: String,
-        /// The robot.
+        /// Name of the robot.
         robot: String,
     },
     /// The profile lists a joint that the model does not have.
     #[error("{what} names joint \"{joint}\", which is not an independent joint of robot \"{robot}\"")]
     UnknownJoint {
-        /// The key that names the joint.
+        /// Key that names the joint.
         what: String,
-        /// The joint.
+        /// Name of the joint.
         joint: String,
-        /// The robot.
+        /// Name of the robot.
         robot: String,
     },
-    /// A frame named in the profile is not a link of the robot.
+    /// The profile names a frame that is not a link of the robot.
     #[error(transparent)]
     UnknownFrame(#[from] UnknownFrame),
     /// The profile has no gains.
     #[error("the profile has no gains")]
     NoGains,
-    /// A value is invalid.
+    /// A value is out of range.
     #[error("{what} is {found}, expected {expected}")]
     Value {
-        /// Name of the value.
+        /// Description of the value.
         what: String,
-        /// The value.
+        /// Actual value.
         found: String,
-        /// The expected value.
+        /// Expected value, as a phrase.
         expected: &'static str,
     },
     /// A foot is specified both as a ball and as flat.
-    #[error("foot \"{0}\" has both a `radius` and a `sole`; a foot is a ball or flat")]
+    #[error("foot \"{0}\" has both a `radius` and a `sole`; remove one of them")]
     TwoSoles(String),
     /// A mobile base lacks a required key.
-    #[error("the mobile base is {drive}, which needs `{key}`")]
+    #[error("the mobile base is {drive}, which requires `{key}`")]
     MobileBase {
-        /// Kind of steering.
+        /// Type of steering.
         drive: &'static str,
-        /// The missing key.
+        /// Name of the missing key.
         key: &'static str,
     },
     /// Base poses are given for a fixed base.

@@ -16,28 +16,28 @@ use crate::model::configuration::write_pose;
 use crate::nearest::nearest;
 use crate::{Model, PerJoint};
 
-/// Poses, end effectors, feet and gains of one robot. Arrays are in the order of `joints`; a single number
+/// Poses, end effectors, feet and gains of one robot. Lists are in the order of `joints`; a single number
 /// applies to all joints.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Profile {
     /// Display name of the robot.
     pub title: String,
-    /// Sources of the values.
+    /// Sources of the values, such as data sheets.
     pub sources: Vec<String>,
     /// Base of the robot, unless the load options override it. Default: as in the URDF.
     #[serde(default)]
     pub base: BaseKind,
-    /// Independent joints, in the order of every array below.
+    /// Names of the independent joints, in the order of every list below.
     pub joints: Vec<String>,
     /// Name of the home pose in `poses`.
     pub home: String,
-    /// Joints without a drive.
+    /// Names of the joints without a drive.
     #[serde(default)]
     pub passive: Vec<String>,
-    /// Named configurations of the joints \[rad or m\].
+    /// Named poses of the joints \[rad or m\].
     pub poses: BTreeMap<String, PerJoint>,
-    /// Poses of a floating base, by the name of the pose of the joints.
+    /// Poses of a floating base in the world, by the name of the corresponding entry of `poses`.
     #[serde(default)]
     pub base_poses: BTreeMap<String, BasePose>,
     /// Named end effectors.
@@ -64,9 +64,9 @@ pub struct Profile {
 struct LimitArrays {
     /// Velocity limit of each joint \[rad/s or m/s\], below the file's; `inf` keeps the file's limit.
     velocity: Option<PerJoint>,
-    /// Largest acceleration of each joint \[rad/s2 or m/s2\]; `inf` for no limit.
+    /// Maximum acceleration of each joint \[rad/s2 or m/s2\]; `inf` for no limit.
     acceleration: Option<PerJoint>,
-    /// Largest rate of change of each drive's effort \[Nm/s or N/s\]; `inf` for no limit.
+    /// Maximum rate of change of each drive's effort \[Nm/s or N/s\]; `inf` for no limit.
     effort_rate: Option<PerJoint>,
 }
 
@@ -77,10 +77,10 @@ pub(crate) struct GainArrays {
     pub(crate) kd: PerJoint,
 }
 
-/// Gains of `tau = kp (q_des - q) + kd (v_des - v) + feed-forward`, one per independent joint in the order of
-/// `q`.
+/// Default gains of `tau = kp (q_des - q) + kd (v_des - v) + feed-forward`, one per independent joint in the
+/// order of `q`.
 ///
-/// Both are zero for a passive joint; `kp` is zero for a velocity-controlled joint, such as a wheel.
+/// Both gains are zero for a passive joint. `kp` is zero for a velocity-controlled joint, such as a wheel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Gains {
     /// Stiffness \[Nm/rad or N/m\].
@@ -110,12 +110,12 @@ impl Profile {
         }
     }
 
-    /// Parses the TOML text and checks its consistency.
+    /// Parses a profile from TOML text and checks its consistency.
     ///
     /// # Errors
     ///
-    /// [`ProfileError`] on invalid TOML, unknown keys, arrays of the wrong length, an unknown home pose, or
-    /// invalid values.
+    /// [`ProfileError`] for invalid TOML, unknown keys, lists of the wrong length, an unknown home pose, or
+    /// values out of range.
     pub fn parse(text: &str) -> Result<Self, ProfileError> {
         let mut profile: Self = toml::from_str(text)?;
         profile.spread();
@@ -149,17 +149,17 @@ impl Profile {
         }
     }
 
-    /// Returns the joints' part of the home pose, in the order of the model's joints.
+    /// Returns the joint positions of the home pose \[rad or m\], in the order of the model's joints.
     ///
     /// # Errors
     ///
-    /// Same as [`pose`](Self::pose).
+    /// See [`pose`](Self::pose).
     pub fn home(&self, model: &Model) -> Result<DVector<f64>, ProfileError> {
         self.pose(model, &self.home)
     }
 
-    /// Returns the joints' part of the pose `name`, in the order of the model's joints: all of `q` for a
-    /// fixed base.
+    /// Returns the joint positions of the pose `name` \[rad or m\], in the order of the model's joints. For a
+    /// fixed base, this is all of `q`.
     ///
     /// # Errors
     ///
@@ -169,11 +169,11 @@ impl Profile {
     }
 
     /// Returns the configuration `q` (nq) of the pose `name`. A floating base is at its pose in `base_poses`,
-    /// or in the model's neutral configuration.
+    /// or else at its pose in the neutral configuration.
     ///
     /// # Errors
     ///
-    /// Same as [`pose`](Self::pose).
+    /// See [`pose`](Self::pose).
     pub fn configuration(&self, model: &Model, name: &str) -> Result<DVector<f64>, ProfileError> {
         let joints = self.pose(model, name)?;
         let mut q = DVector::from_vec(model.neutral());
@@ -213,7 +213,7 @@ impl Profile {
     }
 
     /// Returns the velocity limits \[rad/s or m/s\], in the order of the model's joints; infinite without a
-    /// limit. A robot loaded with its profile uses the smaller of these and its file's limits.
+    /// limit. A robot loaded with its profile uses the smaller of these limits and those in its file.
     ///
     /// # Errors
     ///
@@ -222,7 +222,7 @@ impl Profile {
         self.arrange_limits(model, &self.limits.velocity)
     }
 
-    /// Returns the limits of the drives' rate of change of effort \[Nm/s or N/s\], in the order of the
+    /// Returns the limits of the rate of change of the drives' efforts \[Nm/s or N/s\], in the order of the
     /// model's joints; infinite without a limit.
     ///
     /// # Errors
@@ -239,11 +239,11 @@ impl Profile {
         }
     }
 
-    /// Returns the end effector `name`.
+    /// Returns the end effector with this name.
     ///
     /// # Errors
     ///
-    /// [`ProfileError::UnknownEndEffector`], with the nearest name.
+    /// [`ProfileError::UnknownEndEffector`] with the closest existing name.
     pub fn end_effector(&self, name: &str) -> Result<&EndEffector, ProfileError> {
         self.end_effectors.get(name).ok_or_else(|| ProfileError::UnknownEndEffector {
             name: name.to_owned(),

@@ -7,10 +7,10 @@ use serde::Deserialize;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum BaseKind {
-    /// Root link fixed to the world, unless the URDF specifies otherwise.
+    /// The root link is fixed to the world, unless the URDF specifies otherwise.
     #[default]
     Fixed,
-    /// Floating root link.
+    /// The root link floats.
     Floating,
 }
 
@@ -26,13 +26,13 @@ pub struct BasePose {
 }
 
 impl BasePose {
-    /// Converts an isometry to a pose.
+    /// Creates a pose from an isometry.
     pub fn from_isometry(pose: &Isometry3<f64>) -> Self {
         let (roll, pitch, yaw) = pose.rotation.euler_angles();
         Self { position: pose.translation.vector.into(), rpy: [roll, pitch, yaw] }
     }
 
-    /// Returns the pose as an isometry, the base frame in the world.
+    /// Returns the pose of the base frame in the world as an isometry.
     pub fn isometry(&self) -> Isometry3<f64> {
         let ([x, y, z], [roll, pitch, yaw]) = (self.position, self.rpy);
         Isometry3::from_parts(Translation3::new(x, y, z), UnitQuaternion::from_euler_angles(roll, pitch, yaw))
@@ -43,50 +43,50 @@ impl BasePose {
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct EndEffector {
-    /// Link whose frame is controlled.
+    /// Name of the link whose frame is controlled.
     pub frame: String,
-    /// Joints that move the frame.
+    /// Names of the joints that move the frame.
     pub joints: Vec<String>,
-    /// Joints of the fingers, if any.
+    /// Names of the finger joints; empty without fingers.
     #[serde(default)]
     pub fingers: Vec<String>,
 }
 
-/// A contact on which the robot stands: a point, a ball or a flat sole.
+/// A foot on which the robot stands: a point, a ball or a flat sole.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Foot {
-    /// Link whose frame touches the ground, at its origin unless `radius` is set.
+    /// Name of the link whose frame touches the ground. The contact is at its origin, unless `radius` is set.
     pub frame: String,
-    /// Joints that move the foot.
+    /// Names of the joints that move the foot.
     #[serde(default)]
     pub joints: Vec<String>,
-    /// Radius of a ball or wheel about the frame's origin \[m\]. The contact point is this far below the
+    /// Radius of a ball or wheel about the frame's origin \[m\]. The contact point is this distance below the
     /// origin.
     pub radius: Option<f64>,
-    /// Sides along the frame's x and y of a flat sole centred on its origin \[m\].
+    /// Side lengths of a flat sole along the frame's x and y, centred on the frame's origin \[m\].
     pub sole: Option<[f64; 2]>,
-    /// Coefficient of friction of the surface, for simulators; 0 for a ball that rolls in a socket. Default:
-    /// the robot's friction.
+    /// Coefficient of friction of the foot's surface, for simulators; 0 for a ball that rolls in a socket.
+    /// Default: the robot's friction.
     pub friction: Option<f64>,
 }
 
-/// Steering of a mobile base.
+/// Type of steering of a mobile base.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Steering {
-    /// Two wheels, or two rows of wheels, with independent speeds.
+    /// Two wheels, or two rows of wheels, with independently driven sides.
     Differential,
     /// Steered front wheels whose axes intersect at one point on the rear axle's line.
     Ackermann,
-    /// Any planar velocity.
+    /// The base can move with any planar velocity.
     Omnidirectional,
     /// Every wheel steers independently.
     SteeredWheels,
 }
 
 impl Steering {
-    /// Name of the drive in a profile.
+    /// Returns the name of the steering type in a profile.
     pub fn name(self) -> &'static str {
         match self {
             Self::Differential => "differential",
@@ -102,24 +102,25 @@ impl Steering {
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MobileBase {
-    /// Kind of steering.
+    /// Type of steering.
     pub drive: Steering,
-    /// Link that represents the base: x forwards, z up.
+    /// Name of the link that represents the base, with x forwards and z up.
     pub frame: String,
-    /// Joints that form the base's pose in the world, if the model has such joints: x, y, yaw.
+    /// Names of the joints x, y and yaw that form the base's pose in the world; empty if the model has no
+    /// such joints.
     #[serde(default)]
     pub joints: Vec<String>,
-    /// Joints that turn wheels.
+    /// Names of the joints that rotate wheels.
     #[serde(default)]
     pub wheels: Vec<String>,
-    /// Joints that steer wheels.
+    /// Names of the joints that steer wheels.
     #[serde(default)]
     pub steering: Vec<String>,
     /// Radius of the wheels \[m\].
     pub wheel_radius: Option<f64>,
     /// Distance between the centres of left and right wheels \[m\].
     pub track: Option<f64>,
-    /// Distance between the front and rear axle \[m\].
+    /// Distance between the front and the rear axle \[m\].
     pub wheelbase: Option<f64>,
 }
 
@@ -127,22 +128,22 @@ pub struct MobileBase {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Spin {
-    /// Drag torque turns the robot counterclockwise.
+    /// Clockwise. The drag torque turns the robot counterclockwise.
     Clockwise,
-    /// Drag torque turns the robot clockwise.
+    /// Counterclockwise. The drag torque turns the robot clockwise.
     Counterclockwise,
 }
 
-/// A rotor that pulls along the z axis of its frame.
+/// A rotor that applies thrust along the z axis of its frame.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Rotor {
-    /// Link with the point of action of the thrust at its frame's origin.
+    /// Name of the link at whose origin the thrust acts.
     pub frame: String,
     /// Spin direction.
     pub spin: Spin,
-    /// Largest thrust \[N\].
+    /// Maximum thrust \[N\].
     pub max_thrust: f64,
-    /// Drag torque about z per thrust \[m\].
+    /// Drag torque about z per unit of thrust \[m\].
     pub torque_per_thrust: f64,
 }

@@ -80,7 +80,7 @@ fn check_prints_that_a_twin_is_no_actuator() {
         .expect("the command starts");
     let text = String::from_utf8_lossy(&output.stdout);
     assert!(output.status.success(), "{text}");
-    assert!(text.contains("`twin` moves its robot along followed states: no actuator"), "{text}");
+    assert!(text.contains("`twin` moves its robot along followed states, without actuator"), "{text}");
 }
 
 #[test]

@@ -6,28 +6,28 @@ use motorium::state::{Stamp, TypeLayout};
 
 use super::{Derived, DerivedError, Drawing, DrawnError, Schema};
 
-/// A sequence of messages of one schema, derived from the samples of one topic.
+/// A sequence of messages with one schema, derived from the samples of one topic.
 #[derive(Debug, Clone)]
 pub struct Channel {
     /// Name of the channel: the topic name. A drawn channel appends `/` and the name of the drawing.
     pub name: String,
-    /// Index of its topic in the plan.
+    /// Index of the topic in the plan.
     pub topic: usize,
-    /// Its messages.
+    /// Content of the messages.
     pub content: Content,
 }
 
-/// Kind of messages of a channel.
+/// Content of the messages of a channel.
 #[derive(Debug, Clone)]
 pub enum Content {
-    /// Every field and the stamp of each sample.
+    /// All fields and the stamp of each sample.
     Exact(Derived),
-    /// Messages of Foxglove, for viewers.
+    /// One of Foxglove's messages, for viewers.
     Drawn(Box<Drawing>),
 }
 
 impl Channel {
-    /// The schema of its messages.
+    /// Returns the schema of the messages.
     pub fn schema(&self) -> &Schema {
         match &self.content {
             Content::Exact(derived) => derived.schema(),
@@ -35,7 +35,7 @@ impl Channel {
         }
     }
 
-    /// Returns `true` if no message may be skipped: exact channels and log lines.
+    /// Returns `true` if every sample must be encoded. This applies to exact channels and log lines.
     pub fn needs_every_sample(&self) -> bool {
         match &self.content {
             Content::Exact(_) => true,
@@ -43,8 +43,9 @@ impl Channel {
         }
     }
 
-    /// Plan index of the topic that describes this topic's samples, such as an image format. Samples of that
-    /// topic must be passed to [`note`](Self::note).
+    /// Returns the plan index of the form topic: the topic that describes this topic's samples, such as an
+    /// image format. Its samples must be passed to [`note`](Self::note). `None` if the samples need no
+    /// description.
     pub fn form_topic(&self) -> Option<usize> {
         match &self.content {
             Content::Exact(_) => None,
@@ -61,11 +62,11 @@ impl Channel {
         }
     }
 
-    /// Appends the message of a sample of its topic. `time_ns` is the time of the sample on the reader's
-    /// clock, since 1970 or since the start of the run; drawn messages contain it.
+    /// Encodes a sample of the topic as a message and appends it to `out`. `time_ns` is the time of the
+    /// sample on the reader's clock, since 1970 or since the start of the run; drawn messages contain it.
     ///
     /// # Errors
-    /// Returns an error if the sample does not fit its type or its robot; nothing is appended then.
+    /// Returns an error if the sample does not fit its type or its robot; `out` is then unchanged.
     pub fn encode(
         &mut self,
         stamp: &Stamp,
@@ -84,8 +85,8 @@ impl Channel {
     }
 }
 
-/// Returns the channels of one topic, the exact one first. A topic of slices has no exact channel, because
-/// slices have no fixed layout. Images only have a drawn channel.
+/// Returns the channels of one topic, the exact channel first. A topic of slices has no exact channel,
+/// because slices have no fixed layout. Images have only a drawn channel.
 ///
 /// ```
 /// # fn of(plan: &motorium::plan::Plan) -> Result<(), motorium_bridges::foxglove::DerivedError> {

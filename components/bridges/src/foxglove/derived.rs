@@ -17,13 +17,13 @@ use stamp::{STAMP, stamp_bytes, stamp_field, stamp_of};
 /// Version of the rule for deriving schemas; the last part of their package.
 const PACKAGE_VERSION: &str = "v1";
 
-/// Encoder and decoder for the samples of one type, with a schema derived from its layout.
+/// Encoder and decoder for the samples of one type. The schema is derived from the layout of the type.
 ///
-/// The schema of `motorium.JointState` is `motorium.v1.JointState`: `v1` is the version of the derivation
-/// rule. Field 1 is the stamp. The fields of the layout follow in order from 2, so a field keeps its number
-/// while its position in the type is unchanged. Arrays of numbers are packed, arrays of bytes are `bytes`,
-/// and UTF-8 bytes named `text` are a `string`. Only the used entries of a counted array are written. In
-/// field names `.` becomes `__`, and `[3]` becomes `_3`.
+/// The schema of `motorium.JointState` is `motorium.v1.JointState`, where `v1` is the version of the
+/// derivation rule. Field 1 is the stamp. The fields of the layout follow in order from 2, so a field keeps
+/// its number while its position in the type is unchanged. Arrays of numbers are packed, arrays of bytes are
+/// `bytes`, and UTF-8 bytes named `text` are a `string`. Of a counted array, only the used entries are
+/// written. In field names `.` becomes `__`, and `[3]` becomes `_3`.
 ///
 /// ```
 /// use motorium::state::{Stamp, StateBuffer, Wrench};
@@ -44,10 +44,10 @@ pub struct Derived {
 }
 
 impl Derived {
-    /// Derives the schema of a layout.
+    /// Derives the schema from a layout.
     ///
     /// # Errors
-    /// Returns an error if a field is neither a number nor an array of numbers, or exceeds the type.
+    /// Returns an error if a field is neither a number nor an array of numbers, or extends beyond the type.
     pub fn new(layout: &TypeLayout) -> Result<Self, DerivedError> {
         let (fields, stamp) = (field::fields(layout)?, field::fields(&Stamp::layout())?);
         let (package, name) = layout.type_name.rsplit_once('.').unwrap_or(("user", &layout.type_name));
@@ -73,17 +73,18 @@ impl Derived {
         Ok(Self { schema, size: layout.size, fields, stamp })
     }
 
-    /// The schema.
+    /// Returns the schema.
     pub fn schema(&self) -> &Schema {
         &self.schema
     }
 
-    /// Size of a sample, bytes.
+    /// Returns the size of a sample, bytes.
     pub fn size(&self) -> usize {
         self.size
     }
 
-    /// Appends the message of a sample of [`size`](Self::size) bytes. Missing bytes are treated as zeros.
+    /// Encodes a sample of [`size`](Self::size) bytes as a message and appends it to `out`. Missing bytes are
+    /// treated as zeros.
     pub fn encode(&self, stamp: &Stamp, bytes: &[u8], out: &mut Vec<u8>) {
         let raw = stamp_bytes(stamp);
         let start = out.len();
@@ -94,8 +95,8 @@ impl Derived {
         self.fields.iter().for_each(|field| field.encode(bytes, out));
     }
 
-    /// Decodes a message into the stamp of its sample and the bytes in the layout of the type. Array entries
-    /// beyond a count are zero.
+    /// Decodes a message into the stamp and the bytes of its sample, in the layout of the type. Array entries
+    /// beyond the count are zero.
     ///
     /// # Errors
     /// Returns an error if the message is damaged or of another type.

@@ -23,7 +23,7 @@ use super::robots::{RobotFrames, WORLD, robot_of_topic};
 /// Length of the arrow for a force of 1 N, m.
 const METRES_PER_NEWTON: f64 = 0.01;
 
-/// Conversion of the samples of one topic to Foxglove messages that viewers can draw.
+/// Converts the samples of one topic to Foxglove messages that viewers can draw.
 #[derive(Debug, Clone)]
 pub struct Drawing {
     name: &'static str,
@@ -50,14 +50,14 @@ enum Kind {
     Event(String),
 }
 
-/// Error of a sample that cannot be drawn.
+/// The sample cannot be drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum DrawnError {
     /// The sample is truncated, or longer than its type.
-    #[error("a sample has {0} bytes, which is not the size of its type")]
+    #[error("the sample has {0} bytes, but its type has another size")]
     Size(usize),
     /// The joint state has fewer joints than the robot.
-    #[error("the joint state has fewer joints than its robot")]
+    #[error("the joint state has fewer joints than the robot")]
     Joints,
     /// The bytes do not match the announced image format.
     #[error(transparent)]
@@ -69,7 +69,8 @@ fn pose(position: &[f64], orientation: &[f64]) -> Option<Pose> {
 }
 
 impl Drawing {
-    /// Returns the drawings of a topic; empty if viewers cannot draw the type or the robot cannot be loaded.
+    /// Returns the drawings of the topic with this plan index. The list is empty if viewers cannot draw the
+    /// type or the robot cannot be loaded.
     pub fn of_topic(plan: &Plan, index: usize) -> Vec<Self> {
         let Some(topic) = plan.topics.get(index) else { return Vec::new() };
         if matches!(topic.pattern, TopicPattern::Slices { .. }) {
@@ -117,17 +118,18 @@ impl Drawing {
         Self { name, schema, kind }
     }
 
-    /// Name of the drawing, the last part of its channel's name.
+    /// Returns the name of the drawing, the last part of its channel's name.
     pub fn name(&self) -> &'static str {
         self.name
     }
 
-    /// The schema of its messages.
+    /// Returns the schema of the messages.
     pub fn schema(&self) -> &Schema {
         &self.schema
     }
 
-    /// Returns `true` if no sample may be skipped: log lines, and images, which have no exact channel.
+    /// Returns `true` if every sample must be encoded. This applies to log lines, and to images, which have
+    /// no exact channel.
     pub fn needs_every_sample(&self) -> bool {
         matches!(self.kind, Kind::Pictures(_) | Kind::Text(_) | Kind::Event(_))
     }
@@ -147,10 +149,10 @@ impl Drawing {
         }
     }
 
-    /// Appends the message of a sample, with `time_ns` as its time.
+    /// Encodes a sample as a message with the time `time_ns` and appends it to `out`.
     ///
     /// # Errors
-    /// Returns an error if the sample does not fit its type or its robot; nothing is appended then.
+    /// Returns an error if the sample does not fit its type or its robot; `out` is then unchanged.
     pub fn encode(&mut self, bytes: &[u8], time_ns: u64, out: &mut Vec<u8>) -> Result<(), DrawnError> {
         fn read<T: StateBuffer>(bytes: &[u8]) -> Result<T, DrawnError> {
             from_bytes(bytes).ok_or(DrawnError::Size(bytes.len()))
@@ -216,7 +218,7 @@ impl Drawing {
     }
 }
 
-/// Converts a log line to Foxglove's form.
+/// Converts a log line to Foxglove's format.
 ///
 /// ```
 /// use foxglove::schemas::log::Level;

@@ -22,8 +22,8 @@
 //! | `motorium.Text`, `motorium.Event` | `log` | `foxglove.Log` |
 //! | slices of `u8` of a component that publishes one `motorium.ImageInfo` | `image` | `foxglove.RawImage` |
 //!
-//! Only images have no exact channel. The descriptions of robots ([`descriptions`]) and the ground and the
-//! objects of the world ([`world_scene`]) never change.
+//! Every topic except images has an exact channel. The descriptions of robots ([`descriptions`]) and the
+//! ground and the objects of the world ([`world_scene`]) never change.
 //!
 //! [`channels`] returns the channels of a plan:
 //!
@@ -58,7 +58,7 @@ pub(crate) use robots::{load as load_robot, load_in_world, load_visible, robots}
 pub(crate) use world::world_of;
 pub use world::{WORLD_SCENE, terrain_mesh, world_scene};
 
-/// The schema of the messages of a channel.
+/// Schema of the messages of a channel.
 ///
 /// ```
 /// use motorium::state::{StateBuffer, Wrench};
@@ -76,12 +76,12 @@ pub struct Schema {
     pub name: String,
     /// Encoding of `data` and of the messages: always `protobuf`.
     pub encoding: &'static str,
-    /// A `google.protobuf.FileDescriptorSet` with all types that the schema uses.
+    /// A `google.protobuf.FileDescriptorSet` with the schema and all types that it uses.
     pub data: Vec<u8>,
 }
 
 impl Schema {
-    /// The schema of one of Foxglove's messages.
+    /// Returns the schema of one of Foxglove's messages.
     pub fn of<M: foxglove::Encode>() -> Self {
         let schema = M::get_schema().expect("every message of Foxglove has a schema");
         Self { name: schema.name, encoding: "protobuf", data: schema.data.into_owned() }

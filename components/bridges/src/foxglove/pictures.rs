@@ -15,22 +15,24 @@ pub(super) struct Pictures {
     frame: String,
 }
 
-/// Error of bytes that cannot be drawn as an image.
+/// The bytes cannot be drawn as an image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum PictureError {
     /// The image format has not been published yet.
-    #[error("the format of the pictures is not known yet")]
+    #[error("the image format has not been published yet")]
     NoForm,
     /// The bytes do not match the published format.
-    #[error("a picture of {width} x {height} pixels in encoding {encoding} has {found} bytes")]
+    #[error(
+        "an image of {width} x {height} pixels in encoding {encoding} has {found} bytes, which does not match its size"
+    )]
     Form {
-        /// Bytes found.
+        /// Number of bytes found.
         found: usize,
-        /// Width, pixels.
+        /// Published width, pixels.
         width: u32,
-        /// Height, pixels.
+        /// Published height, pixels.
         height: u32,
-        /// Pixel encoding, as in [`ImageInfo`].
+        /// Published pixel encoding, as in [`ImageInfo`].
         encoding: u32,
     },
 }

@@ -16,27 +16,27 @@ use super::fields::{quaternion, timestamp, vector};
 /// Parent frame of robots and objects.
 pub(super) const WORLD: &str = "world";
 
-/// Description of a robot for viewers, called `robot_description` in ROS.
+/// Description of a robot for viewers, the `robot_description` of ROS.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Description {
     /// Name of the robot in the graph.
     pub robot: String,
     /// Topic of the description: `/robot_description`, or `/ROBOT/robot_description` with several robots.
     pub topic: String,
-    /// The robot as URDF: the text of its file, or a conversion of its MJCF.
+    /// URDF text of the robot: the text of its file, or a conversion of its MJCF.
     pub text: String,
-    /// The robot as URDF for file viewers, which cannot request `meshes`: collision shapes replace them.
+    /// URDF text for viewers of files, which cannot request `meshes`. Collision shapes replace those meshes.
     pub plain: String,
-    /// Text of the robot file if it is MJCF.
+    /// MJCF text of the robot's file; `None` if the file is not MJCF.
     pub mjcf: Option<String>,
-    /// Meshes without a file: their names in the description and their Wavefront OBJ texts.
+    /// Meshes without a file: the name in the description and the Wavefront OBJ text of each.
     pub meshes: Vec<(String, String)>,
-    /// Prefix of its link names in [`FrameTransforms`]: empty, or `ROBOT/` with several robots.
+    /// Prefix of the robot's link names in [`FrameTransforms`]: empty, or `ROBOT/` with several robots.
     pub frame_prefix: String,
 }
 
 impl Description {
-    /// Schema of the message: one text named `data`, as in ROS.
+    /// Returns the schema of the message: one text named `data`, as in ROS.
     pub fn schema(&self) -> Schema {
         let (mut field, mut message, mut file, mut data) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         wire::bytes(1, b"data", &mut field);
@@ -143,8 +143,8 @@ fn load_with_base(
     source.load_with(options)
 }
 
-/// Returns the robot to which the arrays of a topic belong: the writer's robot, or else a reader's. `None` if
-/// neither has one.
+/// Returns the robot to which the arrays of a topic belong: the writer's robot, or else the robot of a
+/// reader. `None` if neither has one.
 ///
 /// For a component with several robots, the port `ROBOT.PORT` to which the topic is wired determines the
 /// robot.
@@ -171,8 +171,9 @@ fn robot_of<'p>(
     component.robots.iter().find(|known| known.name == robot)
 }
 
-/// Names of the joints to which the arrays of a topic belong, followed by the rotors. The robot is the
-/// writer's, or else a reader's. `None` if neither has a robot, or its file has changed.
+/// Returns the names of the joints to which the arrays of a topic belong, followed by the names of the
+/// rotors. The robot is the writer's, or else a reader's. `None` if neither has a robot, or if the robot's
+/// file has changed.
 pub fn joints_of_topic(plan: &Plan, index: usize) -> Option<Vec<String>> {
     robot_of_topic(plan, index).and_then(|robot| load(robot).ok()).map(|loaded| joint_names(&loaded))
 }
@@ -183,7 +184,7 @@ fn joint_names(loaded: &Loaded) -> Vec<String> {
     loaded.model.joint_names().iter().chain(rotors).cloned().collect()
 }
 
-/// Poses of all links of a robot, computed by motorium's kinematics.
+/// Poses of all links of a robot, computed with motorium's kinematics.
 ///
 /// ```
 /// use motorium::declare::RobotReference;
@@ -209,7 +210,7 @@ pub struct RobotFrames {
 }
 
 impl RobotFrames {
-    /// Loads a robot of a plan. `prefix` is prepended to link names, as in [`Description::frame_prefix`];
+    /// Loads a robot of a plan. `prefix` is prepended to link names, as in [`Description::frame_prefix`].
     /// `moves` is `true` if a topic provides the pose of the base.
     ///
     /// # Errors
@@ -237,19 +238,20 @@ impl RobotFrames {
         Self::load(robot, &prefix(plan, &robot.name), moves).ok()
     }
 
-    /// Names of the joints and then of the rotors, in the order of the arrays in joint states and commands.
+    /// Returns the names of the joints and then of the rotors, in the order of the arrays in joint states and
+    /// commands.
     pub fn joint_names(&self) -> Vec<String> {
         joint_names(&self.loaded)
     }
 
-    /// Frame name of the root link.
+    /// Returns the frame name of the root link.
     pub fn root(&self) -> String {
         let root = self.loaded.model.frames().first().map_or("base", |frame| frame.name.as_str());
         format!("{}{root}", self.prefix)
     }
 
-    /// Returns the poses of all links at these joint positions, relative to the root. Includes the pose of
-    /// the root in the world if the base is fixed. `None` if the state has too few joints.
+    /// Returns the poses of all links at the given joint positions, relative to the root link. If the base is
+    /// fixed, the pose of the root link in the world is included. `None` if the state has too few joints.
     pub fn of_joints(&mut self, state: &JointState, time_ns: u64) -> Option<FrameTransforms> {
         let model = &self.loaded.model;
         let joints = model.joint_count();

@@ -14,7 +14,7 @@ use serde::Deserialize;
 use super::Schema;
 use super::robots::WORLD;
 
-/// Topic of the [scene](world_scene) of a world.
+/// Topic of the [scene](world_scene) of the world.
 pub const WORLD_SCENE: &str = "/world/scene";
 
 /// Side lengths and thickness of the drawn part of the ground, m.
@@ -26,7 +26,7 @@ const THROUGH: f64 = 0.6;
 /// Approximate maximum number of points of a drawn terrain.
 const TERRAIN_POINTS: f64 = 15_000.0;
 
-/// Returns the coloured world of a plan as a scene: its schema and its message, a [`SceneUpdate`]. `None` if
+/// Returns the coloured world of a plan as a scene: the schema and the message, a [`SceneUpdate`]. `None` if
 /// the plan has no world.
 ///
 /// A moving object has its own frame, named after the object, if a topic provides its pose.
@@ -78,7 +78,7 @@ pub(crate) fn world_of(plan: &Plan) -> Option<World> {
     })
 }
 
-/// Converts a terrain to triangles, at reduced resolution if it has very many heights.
+/// Converts a terrain to triangles. A terrain with very many heights is reduced in resolution.
 pub fn terrain_mesh(field: &HeightField) -> TriangleMesh {
     let (corner, counts) = field.grid();
     let lengths = counts.map(|count| (count.max(2) - 1) as f64 * field.spacing());

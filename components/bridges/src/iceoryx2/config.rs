@@ -8,8 +8,7 @@ use motorium::units::{Rate, TimeSpan, UnitError};
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer};
 
-/// The `config` table of `bridge.iceoryx2`: names and limits of its ports, which `subscribe` and `publish`
-/// wire.
+/// Configuration of `bridge.iceoryx2`: types and limits of the ports that `subscribe` and `publish` wire.
 ///
 /// ```toml
 /// out        = ["joint_state"]
@@ -26,20 +25,21 @@ use serde::{Deserialize, Deserializer};
 #[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Iceoryx2BridgeConfig {
-    /// Inputs whose latest value is mirrored to other programs: states and streams of any type. Default: an
-    /// empty list.
-    pub out: Vec<String>,
-    /// Inputs whose streams are mirrored value by value, in order, of any type. Default: an empty list.
-    pub out_streams: Vec<String>,
-    /// Inputs whose slices, such as images and clouds, are mirrored one by one, in order, of any type.
+    /// Inputs whose latest value is mirrored to other programs. Inputs may be states or streams of any type.
     /// Default: an empty list.
+    pub out: Vec<String>,
+    /// Inputs whose streams, of any type, are mirrored to other programs value by value, in order. Default:
+    /// an empty list.
+    pub out_streams: Vec<String>,
+    /// Inputs whose slices, such as images and clouds of any type, are mirrored to other programs one by one,
+    /// in order. Default: an empty list.
     pub out_slices: Vec<String>,
-    /// Outputs whose topics other programs publish, by name. Default: an empty table.
+    /// Outputs by name, each a topic that other programs publish. Default: an empty table.
     #[serde(rename = "in")]
     pub inbound: BTreeMap<String, InboundConfig>,
 }
 
-/// The type of an inbound topic, and its limits.
+/// Type and limits of an inbound topic.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct InboundConfig {
@@ -48,17 +48,18 @@ pub struct InboundConfig {
     #[serde(rename = "type")]
     pub type_name: String,
     /// Pattern of the topic: "state"; a stream, such as `{ stream = { capacity = 16 } }`; or slices, such as
-    /// `{ slices = { longest = 4096, capacity = 4 } }`. The capacity, from 1 to 1024, is the number of values
-    /// of each program that wait for a step of the bridge, and the number that a reader of the topic may lag
-    /// behind. Default "state".
+    /// `{ slices = { longest = 4096, capacity = 4 } }`. The capacity, from 1 to 1024, limits the number of
+    /// values per program that wait for a step of the bridge. It also limits the number of values that a
+    /// reader of the topic may lag behind. Default "state".
     #[serde(default = "state")]
     pub pattern: TopicPattern,
-    /// Maximum publication rate, such as "500 Hz". For a state the latest value is published. For a stream or
-    /// slices, values above the rate are refused; bursts up to the capacity are accepted. Default 1 kHz.
+    /// Maximum publication rate, such as "500 Hz". For a state, the latest value is published at this rate.
+    /// For a stream or slices, values above the rate are rejected; bursts up to the capacity are accepted.
+    /// Default 1 kHz.
     #[serde(default = "max_rate", deserialize_with = "rate")]
     pub max_rate: Rate,
-    /// Maximum time that a value may wait for a step of the bridge, such as "50 ms"; older values are
-    /// refused. At least one period of the bridge. Default 100 ms.
+    /// Maximum time that a value may wait for a step of the bridge, such as "50 ms". Older values are
+    /// rejected. Must not be less than one period of the bridge. Default 100 ms.
     #[serde(default = "max_age")]
     pub max_age: TimeSpan,
 }
@@ -88,13 +89,13 @@ impl Iceoryx2BridgeConfig {
     pub(super) fn check(&self) -> Result<(), ConfigError> {
         let mirrored: Vec<(&str, &String)> = self.mirrored().collect();
         if mirrored.is_empty() && self.inbound.is_empty() {
-            return Err(ConfigError::new("it bridges nothing").advise(
+            return Err(ConfigError::new("the bridge has no ports").advise(
                 "name inputs in `out`, `out_streams` or `out_slices`, or outputs with their types in `in`",
             ));
         }
         for (index, (key, port)) in mirrored.iter().enumerate() {
             if mirrored[..index].iter().any(|(_, other)| other == port) || self.inbound.contains_key(*port) {
-                return Err(ConfigError::key(*key, format!("there are two ports named `{port}`")));
+                return Err(ConfigError::key(*key, format!("two ports are named `{port}`")));
             }
         }
         self.inbound.iter().try_for_each(|(port, inbound)| inbound.check(port))
@@ -130,17 +131,20 @@ impl InboundConfig {
             Err(ConfigError::key(format!("in.{port}.pattern"), message).advise(advice))
         };
         if let TopicPattern::Slices { longest: 0, .. } = self.pattern {
-            return refuse("slices of 0 elements at most".to_string(), "write the longest slice in elements");
+            return refuse(
+                "the maximum length of a slice is 0, expected at least 1 element".to_string(),
+                "set `longest` to the maximum number of elements",
+            );
         }
         match self.pattern.capacity() {
             None => Ok(()),
             Some(capacity) if !(1..=LARGEST_CAPACITY).contains(&capacity) => refuse(
                 format!("a capacity of {capacity}, expected 1 to {LARGEST_CAPACITY}"),
-                "set the number of values that arrive between two steps of the bridge, or slightly more",
+                "set it to the number of values that arrive between two steps of the bridge, or slightly more",
             ),
             Some(_) if self.type_name == EmergencyStop::NAME => refuse(
-                "an emergency stop in a queue".to_string(),
-                "omit `pattern`: a state has no queue that can overflow",
+                "an emergency stop must not wait in a queue, which can overflow".to_string(),
+                "remove `pattern`; the default is a state, which has no queue",
             ),
             Some(_) => Ok(()),
         }
@@ -156,10 +160,8 @@ impl InboundConfig {
         found.ok_or_else(|| {
             let names: Vec<&str> = layouts.iter().map(|layout| layout.type_name.as_str()).collect();
             let message = format!("there is no built-in state `{}`", self.type_name);
-            ConfigError::key(format!("in.{port}.type"), message).advise(format!(
-                "the built-in states are {}; numbers such as \"u8\" are types, too",
-                names.join(", ")
-            ))
+            ConfigError::key(format!("in.{port}.type"), message)
+                .advise(format!("use one of {}, or a number such as \"u8\"", names.join(", ")))
         })
     }
 }

@@ -1,4 +1,4 @@
-//! Publisher for inbound topics, for programs that only know the layout, such as `motorium topic pub`.
+//! Publisher for inbound topics, for programs that know only the layout, such as `motorium topic pub`.
 
 use core::cell::Cell;
 
@@ -12,7 +12,7 @@ use super::service::{Sender, Service, ServiceError, send};
 
 /// Publisher on the service `in/TOPIC`, from which a bridge reads the values of a topic.
 ///
-/// It never creates the service: without a running bridge there is no topic to feed.
+/// A feed never creates the service, so it requires a running bridge.
 #[derive(Debug)]
 pub struct Feed {
     port: Sender,
@@ -26,7 +26,7 @@ pub struct Feed {
 }
 
 impl Feed {
-    /// Joins the service of an inbound topic in the domain of a run.
+    /// Opens the service of an inbound topic in the iceoryx2 domain of a run.
     ///
     /// # Errors
     /// Returns an error if the topic carries slices, no bridge has created the service, its layout differs,
@@ -35,7 +35,7 @@ impl Feed {
         let service = format!("in/{}", topic.name);
         let fail = |reason: String| ServiceError { service: service.clone(), reason };
         if let TopicPattern::Slices { .. } = topic.pattern {
-            return Err(fail("it carries slices, not single values".to_string()));
+            return Err(fail("it carries slices, expected single values".to_string()));
         }
         let node = domain.node().map_err(|error| fail(error.to_string()))?;
         let port = Service::feeding(&topic.name, &topic.layout, topic.pattern).feed(&node)?;
@@ -46,7 +46,8 @@ impl Feed {
     /// Sends a value to the bridge, which validates it and publishes it at its next step.
     ///
     /// # Errors
-    /// Returns an error if the size differs from the type's, or shared memory is exhausted.
+    /// Returns an error if the number of bytes differs from the size of the type, or if shared memory is
+    /// exhausted.
     pub fn send(&self, bytes: &[u8]) -> Result<(), ServiceError> {
         let fail = |reason: String| Err(ServiceError { service: self.service.clone(), reason });
         if bytes.len() != self.size {
@@ -55,7 +56,7 @@ impl Feed {
         let stamp = Stamp { sequence: self.sent.get() + 1, ..Stamp::default() };
         let stamp = (self.pattern != TopicPattern::State).then_some(&stamp);
         if !send(&self.port, stamp, bytes, 1) {
-            return fail("the value was not sent: is shared memory exhausted?".to_string());
+            return fail("the value was not sent, probably because shared memory is exhausted".to_string());
         }
         self.sent.set(self.sent.get() + 1);
         Ok(())

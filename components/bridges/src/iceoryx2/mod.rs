@@ -25,12 +25,13 @@ use outbound::Outbound;
 /// the topic declares a longer one.
 const MIRRORED_CAPACITY: usize = 16;
 
-/// Mirrors topics of the graph to stock iceoryx2 programs, and publishes their values on topics of the graph.
+/// A component that mirrors topics of the graph to programs that use stock iceoryx2, and publishes values
+/// from such programs on topics of the graph.
 ///
 /// A mirrored topic `NAME` is the service `out/NAME`, with the publisher's [`Stamp`](motorium::state::Stamp)
-/// as user header. An inbound topic `NAME` is fed by the service `in/NAME`. There, a state has no user
-/// header; streams and slices have a `Stamp` in which the program numbers its values with `sequence`.
-/// Published values get the bridge's own stamp, with the receiving step as their source time.
+/// as user header. An inbound topic `NAME` is fed by the service `in/NAME`. On inbound services, states have
+/// no user header, while streams and slices have a `Stamp` in which the program numbers its values with
+/// `sequence`. Published values get the bridge's own stamp, with the receiving step as their source time.
 pub struct Iceoryx2Bridge {
     outbound: Vec<Outbound>,
     inbound: Vec<Inbound>,
@@ -67,10 +68,9 @@ impl Component for Iceoryx2Bridge {
         }
         if declare.clock() == ClockKind::Lockstep {
             let warning = declare.warn(
-                "simulated time does not wait for foreign programs: they may miss values, and runs are not reproducible",
+                "simulated time does not wait for foreign programs, so they may miss values, and runs are not reproducible",
             );
-            warning
-                .advise("run it in real time, or simulate the foreign program by a component in its place");
+            warning.advise("run the graph in real time, or replace the foreign program by a component");
         }
         Ok(())
     }
@@ -92,7 +92,8 @@ impl Component for Iceoryx2Bridge {
         for (port, inbound) in &config.inbound {
             let period_ns = setup.period().as_nanos() as u64;
             if inbound.max_age.ns < period_ns {
-                let message = format!("max_age is {}, less than a period of the bridge", inbound.max_age);
+                let message =
+                    format!("max_age is {}, expected at least one period of the bridge", inbound.max_age);
                 return Err(ConfigError::key(format!("in.{port}.max_age"), message).into());
             }
             if inbound.pattern == TopicPattern::State {

@@ -30,13 +30,13 @@ pub(super) type Sender = Publisher<Shared, [CustomPayloadMarker], CustomHeaderMa
 pub(super) type Queue = Subscriber<Shared, [CustomPayloadMarker], CustomHeaderMarker>;
 type Typed = Builder<[CustomPayloadMarker], CustomHeaderMarker, Shared>;
 
-/// Error of a service that cannot be created or joined.
+/// A service cannot be created, opened or used.
 #[derive(Debug, thiserror::Error)]
 #[error("service `{service}`: {reason}")]
 pub struct ServiceError {
-    /// The service.
+    /// Name of the service.
     pub service: String,
-    /// Cause.
+    /// Cause of the failure.
     pub reason: String,
 }
 

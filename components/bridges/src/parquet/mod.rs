@@ -33,16 +33,16 @@ const DATA_PAGE: i64 = 0;
 /// A column of a table.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Column {
-    /// Its name.
+    /// Name of the column.
     pub name: String,
-    /// Its values.
+    /// Values of the column.
     pub values: Values,
 }
 
-/// The values of a column, one for each row.
+/// Values of a column, one per row.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Values {
-    /// Integers.
+    /// Signed integers.
     Int64(Vec<i64>),
     /// Unsigned integers.
     UInt64(Vec<u64>),
@@ -58,15 +58,16 @@ pub enum Values {
     List {
         /// Number of entries in the list of each row.
         lengths: Vec<usize>,
-        /// Entries of all lists, concatenated; they may be lists themselves.
+        /// Entries of all lists, concatenated. They may themselves be lists.
         entries: Box<Values>,
     },
-    /// Groups of named values, all with the same number of rows. A value is neither a list nor a group.
+    /// Groups of named values, all with the same number of rows. The values of a group are neither lists nor
+    /// groups.
     Group(Vec<Column>),
 }
 
 impl Values {
-    /// Number of rows.
+    /// Returns the number of rows.
     pub fn len(&self) -> usize {
         match self {
             Self::Int64(values) => values.len(),
@@ -177,8 +178,8 @@ impl Column {
     }
 }
 
-/// Writes a table. `groups` contains the number of rows of each row group and sums to the number of rows;
-/// `facts` is stored in the footer.
+/// Writes a table. `groups` is the number of rows of each row group; its sum must be the number of rows.
+/// `facts` is stored as metadata in the footer.
 ///
 /// ```
 /// use motorium_bridges::parquet::{Column, Values, write};

@@ -8,46 +8,46 @@ use motorium::state::{Event, JointCommand, JointState, StateBuffer as _, from_by
 
 use super::{EVENTS, Envelope, ReadError, Recording};
 
-/// The analysis of a recording.
+/// Results of the analysis of a recording.
 #[derive(Debug, Clone, Default)]
 pub struct Analysis {
     /// Time from the first sample to the last, s.
     pub duration_s: f64,
-    /// Each topic.
+    /// Results for each topic.
     pub topics: Vec<TopicAnalysis>,
-    /// Tracking of each topic of joint commands, paired with the resulting joint states.
+    /// Tracking errors for each topic of joint commands, paired with the resulting joint states.
     pub tracking: Vec<Tracking>,
-    /// Events in order of time.
+    /// Events in time order.
     pub events: Vec<EventLine>,
 }
 
-/// One topic.
+/// Results for one topic.
 #[derive(Debug, Clone, Default)]
 pub struct TopicAnalysis {
-    /// Its name.
+    /// Name of the topic.
     pub name: String,
     /// Name of its type.
     pub type_name: String,
-    /// Samples in the recording.
+    /// Number of samples in the recording.
     pub samples: u64,
-    /// Number of missing samples between the first and the last.
+    /// Number of samples missing between the first and the last sample.
     pub gaps: u64,
-    /// Times from the source time of each sample to its publication, ns, ascending.
+    /// Delays from the source time of each sample to its publication, ns, ascending.
     pub latency_ns: Vec<u64>,
     /// Times between consecutive publications, ns, ascending.
     pub interval_ns: Vec<u64>,
-    /// Latencies \[ns\] over the time since the first sample \[s\].
+    /// Latency \[ns\] over the time since the first sample \[s\].
     pub latencies: Envelope,
 }
 
-/// Tracking errors of joints.
+/// Tracking errors of the joints of one robot.
 #[derive(Debug, Clone)]
 pub struct Tracking {
-    /// The topic of the commands.
+    /// Topic of the commands.
     pub command: String,
-    /// The topic of the states.
+    /// Topic of the joint states.
     pub state: String,
-    /// Each joint.
+    /// Results for each joint.
     pub joints: Vec<TrackedJoint>,
 }
 
@@ -56,21 +56,21 @@ pub struct Tracking {
 pub struct TrackedJoint {
     /// Root mean square deviation from the commanded position, rad or m; 0 without position commands.
     pub rms: f64,
-    /// Largest deviation, rad or m.
+    /// Maximum deviation from the commanded position, rad or m.
     pub most: f64,
-    /// Commanded positions \[rad or m\] over the time since the first sample \[s\], while positions are
-    /// commanded.
+    /// Commanded positions \[rad or m\] over the time since the first sample \[s\], at times when positions
+    /// are commanded.
     pub commanded: Vec<(f64, f64)>,
-    /// Measured positions at these times.
+    /// Measured positions \[rad or m\] at the same times.
     pub measured: Vec<(f64, f64)>,
 }
 
-/// An event.
+/// An event of the run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct EventLine {
     /// Time since the first sample, s.
     pub time_s: f64,
-    /// 0 information, 1 warning, 2 error.
+    /// Severity: 0 information, 1 warning, 2 error.
     pub severity: u32,
     /// Kind of the event; `None` if the launcher did not report it.
     pub kind: Option<EventKind>,
@@ -80,7 +80,7 @@ pub struct EventLine {
     pub text: String,
 }
 
-/// Returns the quantile `part` (0 to 1) of values in ascending order; 0 without values.
+/// Returns the quantile `part` (0 to 1) of values in ascending order, or 0 if there are no values.
 pub fn quantile(rising: &[u64], part: f64) -> u64 {
     let index = (part * rising.len() as f64).ceil() as usize;
     rising.get(index.saturating_sub(1).min(rising.len().saturating_sub(1))).copied().unwrap_or(0)

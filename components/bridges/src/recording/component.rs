@@ -42,19 +42,20 @@ pub struct RecordConfig {
     /// Path of the file, relative to the folder of the graph; an existing file is replaced.
     #[schemars(extend("format" = "path"))]
     pub output: PathBuf,
-    /// Names of the topics; `*` matches any characters. Default: all topics of single values.
+    /// Names of the recorded topics; `*` matches any characters. Default: all topics of single values.
     #[serde(default = "all")]
     pub topics: Vec<String>,
-    /// Minimum interval between two messages of a viewer channel, such as link poses; exact channels contain
+    /// Minimum interval between two messages of a viewer channel, such as link poses. Exact channels contain
     /// every sample. Default 20 ms.
     #[serde(default = "drawn_every")]
     pub drawn_every: TimeSpan,
-    /// Time for which the graph keeps values of each state, 1 ms to 10 s. The recorder polls four times
-    /// within it, at least every 50 ms. A longer delay of the recorder loses samples. Default 200 ms.
+    /// Time for which the graph buffers the values of each state for the recorder, 1 ms to 10 s. The recorder
+    /// polls four times within it, at least every 50 ms. If the recorder is delayed for longer, samples are
+    /// lost. Default 200 ms.
     #[serde(default = "bridges")]
     pub bridges: TimeSpan,
-    /// Length of the period before a failure that is kept in memory and written when the run ends with an
-    /// error. After a successful run no file is left. By default the whole run is written.
+    /// Length of the period before a failure that is recorded. It is kept in memory and written when the run
+    /// ends with an error; a successful run leaves no file. Default: the whole run is written.
     #[serde(default)]
     pub last: Option<TimeSpan>,
     /// Files to attach to the recording. Default: an empty list.
@@ -97,9 +98,8 @@ impl Component for Record {
 
     fn declare(config: &RecordConfig, declare: &mut Declare) -> Result<(), ConfigError> {
         if config.output.as_os_str().is_empty() {
-            return Err(
-                ConfigError::key("output", "an empty path").advise("name a file such as \"out/run.mcap\"")
-            );
+            return Err(ConfigError::key("output", "the path is empty")
+                .advise("name a file such as \"out/run.mcap\""));
         }
         let allowed = Duration::from_millis(1)..=Duration::from_secs(10);
         if !allowed.contains(&config.bridges.into()) {
@@ -107,13 +107,14 @@ impl Component for Record {
             return Err(ConfigError::key("bridges", found));
         }
         if config.last.is_some_and(|last| last.ns == 0) {
-            let found = "0 s, in which nothing is published";
+            let found = "0 s, expected a time above 0";
             return Err(ConfigError::key("last", found).advise("name a time such as \"30 s\""));
         }
         let steps_record = declare.clock() == ClockKind::Lockstep;
         if steps_record && declare.period().is_some_and(|period| period > config.bridges.into()) {
-            let found = format!("{}, less than a period of the component", config.bridges);
-            return Err(ConfigError::key("bridges", found).advise("raise its rate, or this time"));
+            let found = format!("{}, expected at least one period of the component", config.bridges);
+            return Err(ConfigError::key("bridges", found)
+                .advise("raise the rate of the component, or increase `bridges`"));
         }
         declare.taps(config.taps());
         Ok(())

@@ -7,28 +7,29 @@ use motorium::state::{Decoder, FieldValue, Number};
 use super::Recording;
 use super::signals::SignalsError;
 
-/// Error of writing a table.
+/// The table cannot be written.
 #[derive(Debug, thiserror::Error)]
 pub enum TableError {
     /// The recording cannot be read.
     #[error(transparent)]
     Signals(#[from] SignalsError),
-    /// The messages of a channel have too many numbers and texts.
-    #[error("channel `{topic}` has more than {most} numbers and texts, too many for a table")]
+    /// A message contains too many numbers and texts for a table.
+    #[error("channel `{topic}` has too many numbers and texts for a table, expected at most {most}")]
     Wide {
-        /// The channel.
+        /// Name of the channel.
         topic: String,
-        /// The largest number of columns.
+        /// Maximum number of columns.
         most: usize,
     },
-    /// The table cannot be written.
+    /// The output cannot be written.
     #[error(transparent)]
     Write(#[from] io::Error),
 }
 
-/// Writes a topic as comma-separated values, with one row per sample: its time (since 1970, or since the
-/// start of a lockstep run), its stamp, and one column per number. A counted array has one column per entry
-/// in use in the first sample. Reading the numbers back is exact, bit for bit.
+/// Writes a topic as comma-separated values and returns the number of rows. Each sample is a row with its
+/// time (since 1970, or since the start of a lockstep run), its stamp, and one column per number. A counted
+/// array has one column per entry in use in the first sample. Numbers are written without loss, so reading
+/// them back is exact.
 ///
 /// # Errors
 /// Returns an error if the recording cannot be read or the table cannot be written.

@@ -1,11 +1,11 @@
-//! Demonstrations of a task: observations with the resulting actions.
+//! Demonstrations of a task: pairs of observations and actions.
 
 use motorium::nearest::{list, suggest};
 use motorium::state::{Action, Observation, StateBuffer, from_bytes};
 
 use super::{ReadError, Recording};
 
-/// Observations of a recording, each with the resulting action.
+/// Observations of a recording, paired with the resulting actions.
 ///
 /// ```no_run
 /// use motorium_bridges::recording::{Demonstration, Recording};
@@ -17,44 +17,44 @@ use super::{ReadError, Recording};
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Demonstration {
-    /// Length of an observation.
+    /// Number of values in an observation.
     pub inputs: usize,
-    /// Length of an action.
+    /// Number of values in an action.
     pub outputs: usize,
-    /// Observations in order of time, concatenated.
+    /// Observations in time order, concatenated.
     pub observations: Vec<f64>,
-    /// Action for each observation, concatenated.
+    /// Actions in the same order, one per observation, concatenated.
     pub actions: Vec<f64>,
 }
 
-/// An error of reading a demonstration.
+/// The demonstration cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub enum DemonstrationError {
     /// The recording cannot be read.
     #[error(transparent)]
     Read(#[from] ReadError),
-    /// The recording has no such topic.
+    /// The recording has no topic with this name.
     #[error("the recording has no topic `{topic}`; {advice}")]
     NoTopic {
-        /// The topic.
+        /// Name of the topic.
         topic: String,
-        /// Suggested topic, or all topics.
+        /// Similar topic, or all topics.
         advice: String,
     },
     /// The topic has another type.
     #[error("topic `{topic}` has the type {found}, expected {expected}")]
     Type {
-        /// The topic.
+        /// Name of the topic.
         topic: String,
-        /// Its type.
+        /// Type of the topic.
         found: String,
-        /// The type of an observation or of an action.
+        /// Expected type of observations or actions.
         expected: &'static str,
     },
-    /// The recording has no topic of a type, or several.
+    /// The recording has no topic of a type, or several topics.
     #[error("{}", choice(.type_name, .topics))]
     Choice {
-        /// The type.
+        /// Name of the type.
         type_name: &'static str,
         /// Topics of the type.
         topics: Vec<String>,
@@ -62,16 +62,16 @@ pub enum DemonstrationError {
     /// Samples of a topic differ in length.
     #[error("a sample of topic `{topic}` has {found} numbers, expected {expected} as in previous samples")]
     Width {
-        /// The topic.
+        /// Name of the topic.
         topic: String,
-        /// Length found.
+        /// Length of the sample.
         found: usize,
         /// Length of the previous samples.
         expected: usize,
     },
-    /// No action belongs to an observation.
+    /// No action belongs to any observation.
     #[error(
-        "no action on `{action}` answers an observation on `{observation}`: \
+        "no action on `{action}` belongs to an observation on `{observation}`; \
          expected one in the same episode, before the next observation"
     )]
     Empty {
@@ -98,11 +98,12 @@ fn choice(type_name: &str, topics: &[String]) -> String {
 }
 
 impl Demonstration {
-    /// Reads a demonstration from its topics of observations and actions. `None` selects the only topic of
-    /// the type.
+    /// Reads a demonstration from a topic of observations and a topic of actions. `None` selects the only
+    /// topic of the type.
     ///
-    /// An action belongs to the latest observation at its time, if both have the same episode. If several
-    /// actions precede the next observation, the first is used. Observations without an action are skipped.
+    /// Each action is paired with the latest observation at its time, if both belong to the same episode. If
+    /// several actions precede the next observation, the first one is used. Observations without an action
+    /// are skipped.
     ///
     /// # Errors
     ///
@@ -145,12 +146,12 @@ impl Demonstration {
         Ok(shown)
     }
 
-    /// Number of actions.
+    /// Returns the number of pairs of an observation and an action.
     pub fn len(&self) -> usize {
         self.actions.len().checked_div(self.outputs).unwrap_or(0)
     }
 
-    /// Returns `true` if there are no actions.
+    /// Returns `true` if there are no pairs.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }

@@ -28,12 +28,12 @@ pub(super) struct Rates {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub(super) enum EaseError {
     /// The robot's files can no longer be read.
-    #[error("the limits of robot `{robot}` are not known: {reason}")]
+    #[error("the limits of robot `{robot}` are unknown: {reason}")]
     Robot { robot: String, reason: String },
     /// A recorded command has no stiffness.
     #[error(
-        "the recorded commands have no stiffness at joint `{joint}` (kp = 0): a robot cannot reach its start pose by efforts alone; \
-         replay them as they are with `--ease-in \"0 s\"`"
+        "the recorded commands have no stiffness at joint `{joint}` (kp = 0), and a robot cannot reach its start pose by efforts alone; \
+         replay them unchanged with `--ease-in \"0 s\"`"
     )]
     Limp { joint: String },
     /// The measured joint states belong to another robot.
@@ -41,14 +41,14 @@ pub(super) enum EaseError {
     Joints { measured: usize, commanded: usize },
     /// The start pose is too far away for the available time.
     #[error(
-        "joint `{joint}` is {distance:.3} from the first recorded command: the approach takes {needed} within half of its limits \
-         ({velocity:.3} and {acceleration:.3} per second), but only {given} are left: raise `--ease-in`"
+        "joint `{joint}` is {distance:.3} from the first recorded command, and the approach takes {needed} within half of its limits \
+         ({velocity:.3} and {acceleration:.3} per second), but only {given} are left; raise `--ease-in`"
     )]
     Far { joint: String, distance: f64, needed: TimeSpan, given: TimeSpan, velocity: f64, acceleration: f64 },
     /// The last command is too fast to come to rest in the available time.
     #[error(
-        "joint `{joint}` moves at {velocity:.3} per second in the last recorded command: coming to rest takes {needed} within \
-         half of its limits, but only {given} are available: raise `--ramp-down`"
+        "joint `{joint}` moves at {velocity:.3} per second in the last recorded command, and coming to rest takes {needed} within \
+         half of its limits, but only {given} are available; raise `--ramp-down`"
     )]
     Fast { joint: String, velocity: f64, needed: TimeSpan, given: TimeSpan },
 }

@@ -16,24 +16,24 @@ use crate::foxglove::DerivedError;
 /// A sample of a recording.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RecordedSample {
-    /// Index of its topic among [`Recording::topics`].
+    /// Index of the sample's topic in [`Recording::topics`].
     pub topic: usize,
-    /// Time in the file, ns: since 1970, or since the start of a lockstep run.
+    /// Time of the sample in the file, ns: since 1970, or since the start of a lockstep run.
     pub time_ns: u64,
-    /// Its stamp.
+    /// Stamp of the sample.
     pub stamp: Stamp,
-    /// Bytes in the layout of the topic.
+    /// Bytes of the sample, in the layout of the topic.
     pub bytes: Vec<u8>,
 }
 
 /// An image of a recording.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct RecordedPicture {
-    /// Index of its camera among [`Recording::pictures`].
+    /// Index of the camera in [`Recording::pictures`].
     pub pictures: usize,
-    /// Time in the file, as for a sample, ns.
+    /// Time of the image in the file, ns, on the same clock as samples.
     pub time_ns: u64,
-    /// The stored message, a `foxglove.RawImage`.
+    /// Stored message, a `foxglove.RawImage`.
     pub message: Vec<u8>,
 }
 
@@ -59,7 +59,7 @@ impl RecordedPicture {
     }
 }
 
-/// A sample or an image.
+/// A sample or an image of a recording.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Entry {
     /// A sample of a topic.
@@ -69,7 +69,7 @@ pub enum Entry {
 }
 
 impl Entry {
-    /// Time in the file, ns.
+    /// Returns the time in the file, ns.
     pub fn time_ns(&self) -> u64 {
         match self {
             Self::Sample(sample) => sample.time_ns,
@@ -79,24 +79,24 @@ impl Entry {
 }
 
 impl Recording {
-    /// Returns all samples in file order, which is nearly time order. A damaged file yields the samples
-    /// before the damage.
+    /// Returns an iterator over all samples in file order, which is nearly time order. In a damaged file it
+    /// ends at the damage.
     pub fn samples(&self) -> Samples<'_> {
         Samples::new(self)
     }
 
-    /// Returns all images in file order. Samples are skipped without decoding.
+    /// Returns an iterator over all images in file order. Samples are skipped without decoding.
     pub fn images(&self) -> Images<'_> {
         Images::new(self)
     }
 
-    /// Returns all samples and images in file order.
+    /// Returns an iterator over all samples and images in file order.
     pub fn entries(&self) -> Entries<'_> {
         Entries::new(self)
     }
 
-    /// Returns the latest sample of each topic and the latest image of each camera at `time_ns`, and the
-    /// following entries in file order. Earlier entries are skipped without decoding.
+    /// Returns the latest sample of each topic and the latest image of each camera at `time_ns`, and an
+    /// iterator over the following entries in file order. Earlier entries are skipped without decoding.
     ///
     /// # Errors
     /// Returns an error if a message is damaged.
@@ -156,7 +156,7 @@ impl<'r> Messages<'r> {
     }
 }
 
-/// Samples of a recording, in order.
+/// Iterator over the samples of a recording, in file order.
 pub struct Samples<'r>(Messages<'r>);
 
 impl<'r> Samples<'r> {
@@ -178,7 +178,7 @@ impl Iterator for Samples<'_> {
     }
 }
 
-/// Images of a recording, in order.
+/// Iterator over the images of a recording, in file order.
 pub struct Images<'r>(Messages<'r>);
 
 impl<'r> Images<'r> {
@@ -200,7 +200,7 @@ impl Iterator for Images<'_> {
     }
 }
 
-/// Samples and images of a recording, in order.
+/// Iterator over the samples and images of a recording, in file order.
 pub struct Entries<'r> {
     messages: Messages<'r>,
     /// Message that has been read ahead.

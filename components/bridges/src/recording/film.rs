@@ -10,12 +10,12 @@ use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 use super::{ReadError, RecordedSample, Recording};
 use crate::foxglove::{load_visible, robot_of_topic, robots, world_of};
 
-/// A robot of a recording.
+/// Configurations of a robot at selected times of a recording.
 #[derive(Debug, Clone)]
 pub struct Postures {
-    /// The robot with its visual shapes; a fixed base is at its pose in the world.
+    /// The robot with its visual shapes. A fixed base is at its pose in the world.
     pub robot: Loaded,
-    /// Configuration `q` at each time.
+    /// Configuration `q` at each of the times.
     pub configurations: Vec<Vec<f64>>,
 }
 
@@ -24,16 +24,16 @@ pub struct Postures {
 pub struct Film {
     /// Times since the first sample \[s\].
     pub times_s: Vec<f64>,
-    /// Robots with recorded joint states whose files still exist.
+    /// Robots that have recorded joint states and whose files still exist.
     pub robots: Vec<Postures>,
-    /// World of the graph, if any.
+    /// World of the graph; `None` if it has no world.
     pub world: Option<World>,
-    /// Poses of the world's objects at each time.
+    /// Poses of the world's objects at each of the times.
     pub objects: Vec<Vec<Isometry3<f64>>>,
 }
 
-/// Returns the robots and the world of a recording at ascending times, ns since the first sample. Before its
-/// first state, a robot has the configuration of that state.
+/// Returns the robots and the world of a recording at ascending times, ns since the first sample. At times
+/// before its first state, a robot has the configuration of its first state.
 ///
 /// # Errors Returns an error if a message is damaged.
 pub fn film(recording: &Recording, plan: &Plan, times_ns: &[u64]) -> Result<Film, ReadError> {

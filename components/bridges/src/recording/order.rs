@@ -5,8 +5,8 @@ use std::collections::BinaryHeap;
 
 use super::{ReadError, RecordedSample, Recording, Samples};
 
-/// Samples of a recording in time order; samples with equal times are in file order. Memory use is
-/// proportional to the disorder of the file.
+/// Iterator over the samples of a recording in time order. Samples with equal times are in file order. Memory
+/// use is proportional to the disorder of the file.
 pub struct InOrder<'r> {
     samples: Samples<'r>,
     /// Samples that others may still precede.
@@ -50,7 +50,7 @@ impl Ord for Waiting {
 }
 
 impl Recording {
-    /// Returns all samples in time order.
+    /// Returns an iterator over all samples in time order.
     ///
     /// ```no_run
     /// use motorium_bridges::recording::Recording;

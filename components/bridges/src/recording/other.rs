@@ -18,12 +18,12 @@ const GROUP: usize = 1 << 16;
 /// Maximum number of columns of a table.
 const WIDEST: usize = 10_000;
 
-/// An MCAP file.
+/// An opened MCAP file.
 #[derive(Debug)]
 pub enum Opened {
-    /// A recording of motorium.
+    /// A recording written by motorium.
     Run(Box<Recording>),
-    /// A file of another program.
+    /// A file written by another program.
     Other(Box<OtherLog>),
 }
 
@@ -52,32 +52,32 @@ pub fn open(path: &Path) -> Result<Opened, ReadError> {
 }
 
 impl OtherLog {
-    /// The file.
+    /// Returns the path of the file.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// The program that wrote the file; empty if the file does not say.
+    /// Returns the name of the program that wrote the file; empty if the file does not name it.
     pub fn writer(&self) -> &str {
         self.log.writer()
     }
 
-    /// The channels of the file.
+    /// Returns the channels of the file.
     pub fn channels(&self) -> &[Channel] {
         self.log.channels()
     }
 
-    /// Times of the first and the last message, ns; `None` without messages.
+    /// Returns the times of the first and the last message, ns; `None` without messages.
     pub fn times(&self) -> Option<(u64, u64)> {
         self.log.times()
     }
 
-    /// Faults of a readable file.
+    /// Returns descriptions of the faults of a readable file.
     pub fn faults(&self) -> Vec<String> {
         self.log.faults()
     }
 
-    /// Message times of each channel, ns, ascending.
+    /// Returns the message times of each channel, ns, ascending.
     pub fn message_times(&self) -> Vec<Vec<u64>> {
         let mut times = vec![Vec::new(); self.channels().len()];
         self.log.messages().for_each(|message| times[message.channel].push(message.time_ns));
@@ -85,8 +85,8 @@ impl OtherLog {
         times
     }
 
-    /// Returns the curves of signals, in their order; an array has one curve per entry. The field of a signal
-    /// is a path such as `pose.position.x` or `transforms[0].transform.translation`.
+    /// Returns the curves of signals, in the order of the signals. An array has one curve per entry. The
+    /// field of a signal is a path such as `pose.position.x` or `transforms[0].transform.translation`.
     ///
     /// # Errors
     /// Returns an error if the file has no such channel, field or entries, or cannot be decoded.
@@ -197,7 +197,7 @@ impl OtherLog {
         Ok((order.into_iter().map(kind).collect(), rows))
     }
 
-    /// Writes a channel as comma-separated values: the time of each message, and one column per number and
+    /// Writes a channel as comma-separated values: the time of each message, and one column per number or
     /// text. Byte arrays are omitted. Returns the number of rows.
     ///
     /// # Errors

@@ -56,18 +56,17 @@ pub(super) fn check_content(path: &Path, source: &[u8], summary: &Summary) -> Re
     if records.any(|record| !matches!(record, Record::Header(_) | Record::Footer(_))) {
         return Ok(());
     }
-    let reason = cut_off(source.len()) + ": nothing can be recovered; record it again";
+    let reason = cut_off(source.len()) + "; nothing can be recovered, so record it again";
     Err(ReadError::Missing { path: path.to_path_buf(), reason })
 }
 
-/// An error of reading a recording. The message includes its cause, which is therefore not exposed as
-/// `source`.
+/// A recording cannot be read. The message includes the cause, which is therefore not exposed as `source`.
 #[derive(Debug, thiserror::Error)]
 pub enum ReadError {
     /// The file cannot be read.
     #[error("{path}: {reason}", path = .path.display())]
     Io {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
         /// System error.
         reason: std::io::Error,
@@ -75,7 +74,7 @@ pub enum ReadError {
     /// The file is damaged or is not an MCAP file.
     #[error("{path}: {}", describe(.reason), path = .path.display())]
     Format {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
         /// Format error.
         reason: Box<McapError>,
@@ -83,41 +82,41 @@ pub enum ReadError {
     /// A message cannot be read.
     #[error("{path}: topic `{topic}`: {reason}", path = .path.display())]
     Message {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// The topic.
+        /// Name of the topic.
         topic: String,
-        /// The error.
+        /// Error of the message.
         reason: Box<DerivedError>,
     },
-    /// The recording lacks the requested part.
+    /// The recording lacks a requested part.
     #[error("{path}: {reason}", path = .path.display())]
     Missing {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// The missing part, and the available parts.
+        /// Missing part, and the available parts.
         reason: String,
     },
     /// A file of another program, or a message in it, cannot be read.
     #[error("{path}: {reason}", path = .path.display())]
     Log {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// The reason.
+        /// Cause of the failure.
         reason: LogError,
     },
     /// The file is not a motorium recording.
     #[error("{path} is not a recording of this version of motorium: {reason}", path = .path.display())]
     Foreign {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// The part that is missing or different.
+        /// Missing or different part.
         reason: String,
     },
 }
 
 impl Recording {
-    /// Opens a complete or truncated recording and reads everything except the samples.
+    /// Opens a complete or truncated recording and reads everything except its samples.
     ///
     /// # Errors
     /// Returns an error if the file cannot be read or is not a recording.
@@ -144,22 +143,23 @@ impl Recording {
         self.scan.disorder_ns
     }
 
-    /// Returns `true` if the file is complete: its writer was not interrupted.
+    /// Returns `true` if the file is complete, which means that its writer was not interrupted.
     pub fn is_whole(&self) -> bool {
         self.scan.is_whole
     }
 
-    /// Number of messages that are declared in the file but missing from it.
+    /// Returns the number of messages that the file declares but does not contain.
     pub fn missing(&self) -> u64 {
         self.scan.missing
     }
 
-    /// Returns the faults of a readable file: a missing end, missing messages, or corrupt bytes.
+    /// Returns descriptions of the faults of a readable file: a missing end, missing messages, or corrupt
+    /// bytes.
     pub fn faults(&self) -> Vec<String> {
         let Scan { is_whole, damage, missing, times, metadata, .. } = &self.scan;
         let mut faults = damage.faults(*is_whole, times.map_or(0, |(first, _)| first));
         if *missing > 0 {
-            faults.push(format!("lacks {missing} messages that it declares"));
+            faults.push(format!("declares {missing} messages that it does not contain"));
         }
         if let Some(losses) = metadata.get(RECOVERED) {
             let losses: Vec<String> = losses.iter().map(|(what, count)| format!("{what}: {count}")).collect();
@@ -168,54 +168,55 @@ impl Recording {
         faults
     }
 
-    /// Times of the first and the last sample, as
+    /// Returns the times of the first and the last sample, on the clock of
     /// [`RecordedSample::time_ns`](super::RecordedSample::time_ns); `None` without samples.
     pub fn times(&self) -> Option<(u64, u64)> {
         self.scan.times
     }
 
-    /// The file.
+    /// Returns the path of the file.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Recorded topics, and `motorium/events`.
+    /// Returns the recorded topics, including `motorium/events`.
     pub fn topics(&self) -> &[RecordedTopic] {
         &self.scan.topics
     }
 
-    /// Recorded camera images. They are not among the [topics](Self::topics), because their channels only
-    /// contain viewer messages.
+    /// Returns the cameras with recorded images. They are not among the [topics](Self::topics), because their
+    /// channels contain only viewer messages.
     pub fn pictures(&self) -> &[RecordedPictures] {
         &self.scan.pictures
     }
 
-    /// Index of the topic with this name.
+    /// Returns the index of the topic with this name in [`topics`](Self::topics).
     pub fn topic(&self, name: &str) -> Option<usize> {
         self.scan.topics.iter().position(|topic| topic.name == name)
     }
 
-    /// Content of an attachment.
+    /// Returns the content of the attachment with this name.
     pub fn attachment(&self, name: &str) -> Option<&[u8]> {
         self.scan.attachments.iter().find(|(known, _)| known == name).map(|(_, content)| content.as_slice())
     }
 
-    /// Last message of a channel without a topic, such as [`WORLD_SCENE`](crate::foxglove::WORLD_SCENE).
+    /// Returns the last message of a channel without a topic, such as
+    /// [`WORLD_SCENE`](crate::foxglove::WORLD_SCENE).
     pub fn latched(&self, channel: &str) -> Option<&[u8]> {
         self.scan.latched.get(channel).map(Vec::as_slice)
     }
 
-    /// Names of the attachments.
+    /// Returns the names of the attachments.
     pub fn attachments(&self) -> impl Iterator<Item = &str> {
         self.scan.attachments.iter().map(|(name, _)| name.as_str())
     }
 
-    /// Fact of the run, such as `version` or `seed`.
+    /// Returns a fact of the run by name, such as `version` or `seed`.
     pub fn fact(&self, name: &str) -> Option<&str> {
         self.scan.metadata.get(RUN)?.get(name).map(String::as_str)
     }
 
-    /// Number of lost samples of a topic, if the recording is complete.
+    /// Returns the number of lost samples of a topic; `None` if the recording is incomplete.
     pub fn lost(&self, topic: &str) -> Option<u64> {
         self.scan.metadata.get(COUNTS)?.get(&format!("lost {topic}"))?.parse().ok()
     }
@@ -227,7 +228,7 @@ impl Recording {
         let foreign = |reason: String| ReadError::Foreign { path: self.path.clone(), reason };
         let missing = || match (self.scan.is_whole, self.fact("version")) {
             (false, None) => ReadError::Missing { path: self.path.clone(), reason: cut_off(self.map.len()) },
-            _ => foreign(format!("it has no attachment `{PLAN}`")),
+            _ => foreign(format!("the attachment `{PLAN}` is missing")),
         };
         let text = self.attachment(PLAN).ok_or_else(missing)?;
         serde_json::from_slice(text).map_err(|error| foreign(error.to_string()))
@@ -282,7 +283,7 @@ fn other_writer(log: &MessageLog<Mmap>) -> String {
         writer => format!("`{writer}`"),
     };
     format!(
-        "it was written by {by}, and contains {}; expected channels that `motorium run --record` writes",
+        "it was written by {by} and contains {}, expected channels written by `motorium run --record`",
         log.described()
     )
 }

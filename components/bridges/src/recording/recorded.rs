@@ -1,4 +1,4 @@
-//! Topics and pictures of a recording.
+//! Topics and images of a recording.
 
 use motorium::state::TypeLayout;
 
@@ -7,9 +7,9 @@ use crate::foxglove::Derived;
 /// A topic of a recording.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RecordedTopic {
-    /// Its name.
+    /// Name of the topic.
     pub name: String,
-    /// Layout of its samples.
+    /// Layout of the samples.
     pub layout: TypeLayout,
     /// Number of samples in the file.
     pub samples: u64,
@@ -19,9 +19,9 @@ pub struct RecordedTopic {
 /// Images of a camera in a recording.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct RecordedPictures {
-    /// Name of their topic.
+    /// Name of the topic with the images.
     pub topic: String,
-    /// Name of their channel in the file, whose messages are `foxglove.RawImage`.
+    /// Name of the channel in the file. Its messages are `foxglove.RawImage`.
     pub channel: String,
     /// Number of images in the file.
     pub count: u64,
@@ -37,7 +37,7 @@ pub(super) enum Source {
 }
 
 impl RecordedTopic {
-    /// Decoder of its exact channel.
+    /// Returns the decoder of the topic's exact channel.
     pub fn derived(&self) -> &Derived {
         &self.derived
     }

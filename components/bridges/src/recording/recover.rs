@@ -17,12 +17,12 @@ use super::reader::{check_content, map_file};
 use super::scan::Scan;
 use super::{RECOVERED, ReadError};
 
-/// Counts of recovered, damaged and lost parts of a file.
+/// Counts of the recovered, damaged and lost parts of a file.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Recovered {
-    /// Messages of all channels.
+    /// Number of recovered messages of all channels.
     pub messages: u64,
-    /// Number of bytes outside of readable records, such as the unfinished end.
+    /// Number of bytes outside of readable records, including an unfinished end.
     pub lost_bytes: u64,
     /// `true` if the file was complete.
     pub was_whole: bool,
@@ -39,7 +39,7 @@ pub struct Recovered {
 }
 
 impl Recovered {
-    /// Returns `true` if nothing but the unfinished end of the file was lost or damaged.
+    /// Returns `true` if nothing except an unfinished end of the file was lost or damaged.
     pub fn is_clean(&self) -> bool {
         let counts =
             [self.missing_messages, self.damaged_chunks, self.damaged_attachments, self.unreadable_chunks];
@@ -47,7 +47,7 @@ impl Recovered {
         counts.iter().all(|count| *count == 0) && !self.has_other_damage && !has_gap
     }
 
-    /// Returns the non-zero losses by name.
+    /// Returns the non-zero counts of losses by name.
     pub fn losses(&self) -> BTreeMap<String, String> {
         let other = u64::from(self.has_other_damage);
         let all = [
@@ -65,7 +65,7 @@ impl Recovered {
 
 /// Copies the readable content of an MCAP file from any writer to a new, complete file with an index.
 ///
-/// Reading continues after damage at the next message or chunk. Damaged parts get no checksum in the new
+/// After damage, reading continues at the next message or chunk. Damaged parts have no checksum in the new
 /// file, and the metadata record `recovered` lists the losses, so readers of the new file still report them.
 ///
 /// ```no_run

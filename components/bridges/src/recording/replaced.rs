@@ -13,11 +13,11 @@ use super::spans::Spans;
 use super::{ReadError, Recording};
 use crate::foxglove::robot_of_topic;
 
-/// Returns the plan of a recording in which a `log.replay` replaces each of these components, with the same
-/// activation and order.
+/// Returns the plan of a recording in which each of the named components is replaced by a `log.replay` with
+/// the same activation and order.
 ///
 /// # Errors
-/// Returns an error if the recording has no plan, or the plan has no such component.
+/// Returns an error if the recording has no plan, or if the plan has no such component.
 pub fn replaced(recording: &Recording, names: &[String]) -> Result<Plan, ReadError> {
     let mut plan = recording.plan()?;
     let missing = |reason| ReadError::Missing { path: recording.path().to_path_buf(), reason };
@@ -40,11 +40,12 @@ pub fn replaced(recording: &Recording, names: &[String]) -> Result<Plan, ReadErr
     Ok(plan)
 }
 
-/// Returns the plan of a replay in lockstep: every component except the `live` ones is replaced by a
-/// `log.replay`. The run lasts as long as the recorded episode, or all episodes.
+/// Returns the plan of a replay in lockstep, in which every component except the `live` ones is replaced by a
+/// `log.replay`. The run lasts as long as the recorded episode with index `episode`, or as all episodes if it
+/// is `None`.
 ///
 /// # Errors
-/// Returns an error if the recording has no readable plan, or no such component or episode.
+/// Returns an error if the recording has no readable plan, or if there is no such component or episode.
 pub fn replayed(recording: &Recording, live: &[String], episode: Option<u64>) -> Result<Plan, ReadError> {
     let recorded = recording.plan()?;
     let missing = |reason| ReadError::Missing { path: recording.path().to_path_buf(), reason };
@@ -55,10 +56,10 @@ pub fn replayed(recording: &Recording, live: &[String], episode: Option<u64>) ->
     if let Some(episode) = episode.filter(|_| spans.count() == 0) {
         let count = spans.episodes();
         let episodes = if count == 1 { "one".to_string() } else { count.to_string() };
-        return Err(missing(format!("it has no episode {episode}, but {episodes}, counted from 0")));
+        return Err(missing(format!("it has no episode {episode}; it has {episodes}, counted from 0")));
     }
     if spans.count() == 0 {
-        return Err(missing("it has no sample to replay".to_string()));
+        return Err(missing("it contains no samples to replay".to_string()));
     }
     let names: Vec<String> = recorded.components.iter().map(|component| component.name.clone()).collect();
     let names: Vec<String> = names.into_iter().filter(|name| !live.contains(name)).collect();
@@ -82,10 +83,10 @@ pub fn replayed(recording: &Recording, live: &[String], episode: Option<u64>) ->
     Ok(plan)
 }
 
-/// Delays the start of a replay while robots approach the start pose, and brings them to rest after the last
-/// command. This applies to robots whose actuators are `live` and follow recorded joint commands, with joint
-/// states measured by a live component. Returns the names of the components with eased commands, and extends
-/// the plan accordingly.
+/// Extends a plan so that robots move to the start pose before the replay and come to rest after the last
+/// command. The replay is delayed by `lead` for the approach; `ramp_down` is the time to come to rest. This
+/// applies to robots whose actuators are `live`, which follow recorded joint commands and whose joint states
+/// a live component measures. Returns the names of the components with eased commands.
 pub fn ease_in(plan: &mut Plan, live: &[String], lead: TimeSpan, ramp_down: TimeSpan) -> Vec<String> {
     let is_live = |index: usize| live.contains(&plan.components[index].name);
     let is_followed = |topic: usize| {
@@ -157,7 +158,7 @@ fn is_logger(component: &ComponentPlan) -> bool {
     matches!(&component.program, Program::Builtin { kind } if kind.starts_with("log.") && kind != Replay::KIND)
 }
 
-/// Returns the components of a plan that only log and do not publish; a replay omits them.
+/// Returns the names of the components of a plan that log but do not publish. A replay omits them.
 pub fn loggers(plan: &Plan) -> Vec<String> {
     let loggers = plan.components.iter().filter(|component| is_logger(component));
     loggers.map(|component| component.name.clone()).collect()

@@ -26,27 +26,28 @@ use crate::foxglove::robot_of_topic;
 #[derive(Debug, Clone, serde::Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ReplayConfig {
-    /// The recording, relative to the folder of the graph.
+    /// Path of the recording, relative to the folder of the graph.
     #[schemars(extend("format" = "path"))]
     pub recording: PathBuf,
-    /// Name of the component in the recorded graph; this component has the same ports.
+    /// Name of the replaced component in the recorded graph. The replay has the same ports.
     pub component: String,
-    /// Index of the only episode to replay. Default: all, in order.
+    /// Index of the only episode to replay, from 0. Default: all episodes, in order.
     #[serde(default)]
     pub episode: Option<u64>,
-    /// Delay before the start of the recording. Default 0.
+    /// Delay of the first recorded sample after the start. Default 0.
     #[serde(default)]
     pub lead: TimeSpan,
-    /// Time after the end of the recording. Default 0.
+    /// Time between the end of the recording and the end of the replay. Default 0.
     #[serde(default)]
     pub ramp_down: TimeSpan,
-    /// Ports of joint commands that move a robot to the start pose within the lead time and to rest within
-    /// `ramp_down`. Default: an empty list.
+    /// Ports of joint commands that are extended: they move a robot to the start pose within `lead` and bring
+    /// it to rest within `ramp_down`. Default: an empty list.
     #[serde(default)]
     pub eased: Vec<Eased>,
 }
 
-/// A port of joint commands for a robot that is not at the start pose of the recording.
+/// A port of joint commands to which an approach and a deceleration are added, before and after the
+/// recording.
 ///
 /// ```
 /// let eased = motorium_bridges::recording::Eased { port: "joint_command".into(), measured: "joint_state".into() };
@@ -55,14 +56,14 @@ pub struct ReplayConfig {
 #[derive(Debug, Clone, serde::Deserialize, serde::Serialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Eased {
-    /// The port of the commands.
+    /// Name of the port with the commands.
     pub port: String,
-    /// The port at which the component reads the measured joint states.
+    /// Name of the port at which the replay reads the measured joint states.
     pub measured: String,
 }
 
-/// A component that publishes the recorded values of another component at their recorded times, relative to
-/// the start.
+/// A component that publishes the recorded values of another component at their recorded times, counted from
+/// the start of the run.
 pub struct Replay {
     outputs: Vec<Replayed>,
     /// The input that triggers its outputs, and measured joint states.
@@ -300,7 +301,7 @@ fn publish(output: &mut RawOutput, value: &Recorded, tick: &Tick, is_lockstep: b
 pub(super) fn find<'p>(plan: &'p Plan, name: &str) -> Result<&'p ComponentPlan, String> {
     plan.components.iter().find(|component| component.name == name).ok_or_else(|| {
         let names: Vec<&str> = plan.components.iter().map(|component| component.name.as_str()).collect();
-        format!("the recorded graph has no component `{name}`, but {}", names.join(", "))
+        format!("the recorded graph has no component `{name}`, expected one of {}", names.join(", "))
     })
 }
 
@@ -313,7 +314,7 @@ fn single(port: &PortPlan) -> bool {
     port.topic.is_some() && !matches!(port.pattern, TopicPattern::Slices { .. })
 }
 
-/// Returns the kind `log.replay`, for programs that host plans from [`replaced`]. It is not meant for
+/// Returns the kind `log.replay`, for programs that run plans from [`replaced`]. It is not meant for
 /// hand-written graphs.
 // Not inlined, as required by `Kind::of`.
 #[inline(never)]

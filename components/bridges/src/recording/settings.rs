@@ -15,9 +15,9 @@ pub(super) enum RecordError {
     /// The file cannot be written.
     #[error("{}: {}", .path.display(), super::file::reason(.source))]
     File {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// Error of its writer.
+        /// Error of the MCAP writer.
         source: McapError,
     },
     /// A topic cannot be opened.

@@ -8,8 +8,9 @@ use motorium::state::{DecodeError, Decoder, FieldValue, Number};
 
 use super::{ReadError, Recording};
 
-/// Numbers of a topic: `panda/joint_state.position[0..7]`, `panda/joint_state.position[2]` or
-/// `panda/target.position`; the name of the topic alone selects all its numbers.
+/// Selection of the numbers of a topic, such as `panda/joint_state.position[0..7]`,
+/// `panda/joint_state.position[2]` or `panda/target.position`. The name of the topic alone selects all its
+/// numbers.
 ///
 /// ```
 /// use motorium_bridges::recording::Signal;
@@ -25,11 +26,11 @@ pub struct Signal {
     pub topic: String,
     /// Name of the field; all fields if `None`.
     pub field: Option<String>,
-    /// Entries of an array; all used entries if `None`.
+    /// Range of entries of an array; all used entries if `None`.
     pub entries: Option<Range<usize>>,
 }
 
-/// The text is not the name of a signal.
+/// The text is not a signal.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error(
     "`{0}` is not a signal: expected TOPIC.FIELD, TOPIC.FIELD[I] or TOPIC.FIELD[A..B], such as panda/joint_state.position[0..7]"
@@ -71,20 +72,20 @@ impl FromStr for Signal {
     }
 }
 
-/// One number over time.
+/// Values of one number over time.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Curve {
-    /// Its name, such as `panda/joint_state.position[2]`.
+    /// Name of the curve, such as `panda/joint_state.position[2]`.
     pub name: String,
-    /// Index of the entry of an array.
+    /// Index of the array entry; `None` for a single number.
     pub entry: Option<usize>,
-    /// Name of the entry, if the sample contains one.
+    /// Name of the array entry, if the sample contains one.
     pub label: Option<String>,
-    /// Time since the first sample of the recording \[s\], and value.
+    /// Points: time since the first sample of the recording \[s\], and value.
     pub points: Vec<(f64, f64)>,
 }
 
-/// Error of reading signals.
+/// The signals cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub enum SignalsError {
     /// The recording cannot be read.
@@ -93,22 +94,22 @@ pub enum SignalsError {
     /// A sample cannot be read.
     #[error(transparent)]
     Decode(#[from] DecodeError),
-    /// The recording has no such topic.
+    /// The recording has no topic with this name.
     #[error("the recording has no topic `{topic}`; {advice}")]
     NoTopic {
-        /// The topic.
+        /// Name of the topic.
         topic: String,
-        /// The one that was probably meant, or all.
+        /// Similar topic, or all topics.
         advice: String,
     },
-    /// The topic has no such field.
+    /// The topic has no field with this name.
     #[error("topic `{topic}` has no field `{field}`; {advice}")]
     NoField {
-        /// The topic.
+        /// Name of the topic.
         topic: String,
-        /// The field.
+        /// Name of the field.
         field: String,
-        /// The one that was probably meant, or all.
+        /// Similar field, or all fields.
         advice: String,
     },
     /// No sample has the requested entries.
@@ -117,7 +118,7 @@ pub enum SignalsError {
         counted(*.most), .entries.start, .entries.end
     )]
     NoEntry {
-        /// The topic and the field.
+        /// Names of the topic and the field.
         name: String,
         /// Maximum number of entries in a sample.
         most: usize,
@@ -125,13 +126,15 @@ pub enum SignalsError {
         entries: Range<usize>,
     },
     /// The field contains no numbers.
-    #[error("`{name}` has no numbers in this recording: it is a text, or an array without used entries")]
+    #[error(
+        "`{name}` has no numbers in this recording, because it is a text or an array without used entries"
+    )]
     NoNumbers {
-        /// The topic and the field.
+        /// Names of the topic and the field.
         name: String,
     },
     /// The recording has no sample of a topic.
-    #[error("the recording has no sample of topic `{0}`")]
+    #[error("the recording has no samples of topic `{0}`")]
     NoSample(String),
 }
 
@@ -153,7 +156,7 @@ pub(super) fn as_f64(number: Number) -> f64 {
     }
 }
 
-/// Returns the curves of signals, in their order; an array has one curve per entry.
+/// Returns the curves of signals, in the order of the signals. An array has one curve per entry.
 ///
 /// # Errors Returns an error if the recording has no such topic, field, entries or samples, or if it cannot
 /// be read.
@@ -227,7 +230,8 @@ pub fn curves(recording: &Recording, signals: &[Signal]) -> Result<Vec<Curve>, S
 }
 
 impl Curve {
-    /// Reduces the curve to at most this number of points: the minimum and maximum of each time interval.
+    /// Returns the curve with at most this number of points, by replacing each time interval by its minimum
+    /// and maximum.
     #[must_use]
     pub fn thinned(&self, points: usize) -> Vec<(f64, f64)> {
         if self.points.len() <= points {
@@ -241,7 +245,7 @@ impl Curve {
     }
 }
 
-/// Minimum and maximum of each time interval, which reduces a curve of any length to one that can be drawn.
+/// Minimum and maximum of each time interval. It reduces a curve of any length to one that can be drawn.
 ///
 /// ```
 /// use motorium_bridges::recording::Envelope;
@@ -260,15 +264,15 @@ pub struct Envelope {
 }
 
 impl Envelope {
-    /// Creates an empty envelope with this number of intervals (at least one) between two times, s. Earlier
-    /// and later values belong to the first and the last interval.
+    /// Creates an empty envelope with `stretches` intervals (at least one) between two times, s. Earlier
+    /// values are added to the first interval, later values to the last.
     pub fn new((begin, end): (f64, f64), stretches: usize) -> Self {
         let stretches = vec![None; stretches.max(1)];
         let rate = if end > begin { stretches.len() as f64 / (end - begin) } else { 0.0 };
         Self { begin, rate, stretches }
     }
 
-    /// Adds a value; times may be in any order.
+    /// Adds a value at a time, s. Times may be in any order.
     pub fn take(&mut self, time: f64, value: f64) {
         // The conversion clamps negative numbers to 0.
         let index = ((time - self.begin) * self.rate) as usize;
@@ -286,7 +290,7 @@ impl Envelope {
         }
     }
 
-    /// Points in time order: one or two per interval with values.
+    /// Returns the points in time order: one or two per interval with values.
     pub fn points(&self) -> Vec<(f64, f64)> {
         let mut points = Vec::with_capacity(2 * self.stretches.len());
         for [least, greatest] in self.stretches.iter().flatten() {

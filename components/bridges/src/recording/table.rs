@@ -12,9 +12,9 @@ use crate::parquet::{Column, Values, write};
 /// Rows per row group.
 const GROUP: usize = 1 << 16;
 
-/// Writes a topic as a Parquet table, with one row per sample: its time (since 1970, or since the start of a
-/// lockstep run), its stamp, and one column per field. An array is a list of its used entries. Returns the
-/// number of rows.
+/// Writes a topic as a Parquet table and returns the number of rows. Each sample is a row with its time
+/// (since 1970, or since the start of a lockstep run), its stamp, and one column per field. An array is a
+/// list of its used entries.
 ///
 /// # Errors Returns an error if the recording cannot be read, or if the table cannot be written.
 pub fn write_parquet(recording: &Recording, topic: usize, out: &mut impl Write) -> Result<u64, TableError> {

@@ -17,12 +17,12 @@ use super::{EVENTS, ReadError, RecordedTopic, Recording, Samples, loggers, repla
 /// Simulated time between two polls: at most the shortest delay that a recorder bridges.
 const AT_A_TIME: Duration = Duration::from_millis(1);
 
-/// Outcome of a verification.
+/// Result of a verification.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Verification {
     /// Number of bitwise equal samples.
     pub samples: u64,
-    /// Simulated time of all repeated episodes.
+    /// Total simulated time of all repeated episodes.
     pub time: Duration,
     /// First difference, if any.
     pub difference: Option<Difference>,
@@ -31,7 +31,7 @@ pub struct Verification {
 /// A sample that differs from the recorded one.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Difference {
-    /// The topic.
+    /// Name of the topic.
     pub topic: String,
     /// Sequence number of the sample within its topic.
     pub sequence: u64,
@@ -39,7 +39,7 @@ pub struct Difference {
     pub episode: u64,
     /// Publication time within the episode, ns.
     pub time_ns: u64,
-    /// Index of the publishing component's period in which it was published, from 0.
+    /// Tick at which the sample was published, counted in periods of the publishing component from 0.
     pub tick: u64,
     /// Kind of the difference.
     pub what: What,
@@ -48,9 +48,9 @@ pub struct Difference {
 /// Kind of the difference.
 #[derive(Debug, Clone, PartialEq)]
 pub enum What {
-    /// A field of the sample or of its stamp.
+    /// A field of the sample or of its stamp differs.
     Field {
-        /// Name of the field, with the index of an entry, such as `position[3]` or `stamp.source_time`.
+        /// Name of the field, with the index of an array entry, such as `position[3]` or `stamp.source_time`.
         field: String,
         /// Value in the recording.
         recorded: String,
@@ -81,13 +81,13 @@ impl fmt::Display for Difference {
     }
 }
 
-/// Error of a verification.
+/// The recording cannot be verified.
 #[derive(Debug, thiserror::Error)]
 pub enum VerifyError {
     /// The recording cannot be read.
     #[error(transparent)]
     Read(#[from] ReadError),
-    /// The graph does not run.
+    /// The graph cannot be run.
     #[error(transparent)]
     Session(#[from] SessionError),
     /// A topic cannot be read.
@@ -95,28 +95,28 @@ pub enum VerifyError {
     Decode(#[from] DecodeError),
     /// A real-time recording cannot be repeated bit for bit.
     #[error(
-        "it was recorded in real time, which is not reproducible: record a run with `--clock lockstep` to verify it"
+        "it was recorded in real time, which is not reproducible; record a run with `--clock lockstep` to verify it"
     )]
     RealTime,
-    /// The recording has episodes that a program started, whose seeds and times are not in the graph.
+    /// Episodes were started by a program, so their seeds and times are not in the graph.
     #[error(
         "it contains episodes that a program started, so the graph alone cannot repeat them; only runs with \
          `--episodes N` can be verified"
     )]
     Episodes,
-    /// Messages that the recording declares are missing.
-    #[error("{missing} of its messages are missing, so it cannot be compared")]
+    /// Messages that the recording declares are missing from it.
+    #[error("it lacks {missing} of its messages, so it cannot be compared")]
     Missing {
         /// Number of missing messages.
         missing: u64,
     },
     /// The recording has no samples.
-    #[error("it has no sample to compare")]
+    #[error("it contains no samples to compare")]
     Nothing,
-    /// Samples were lost while it was recorded.
+    /// Samples were lost during the recording.
     #[error("{lost} samples of topic `{topic}` were lost during the recording, so it cannot be compared")]
     Lost {
-        /// The topic.
+        /// Name of the topic.
         topic: String,
         /// Number of lost samples.
         lost: u64,
@@ -137,8 +137,8 @@ struct Compared<'r> {
     message: Vec<u8>,
 }
 
-/// Repeats the graph of a recording in lockstep, and compares each sample bit for bit, up to the end of the
-/// recording. `log.replay` replaces the components `replace`.
+/// Repeats the graph of a recording in lockstep, and compares each sample bit for bit up to the end of the
+/// recording. The components named in `replace` are replaced by `log.replay`.
 ///
 /// # Errors Returns an error if the recording cannot be verified, or if its graph does not run.
 pub fn verify(

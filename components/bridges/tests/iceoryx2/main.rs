@@ -259,7 +259,7 @@ fn a_graph_with_a_misconfigured_bridge_is_refused() {
         error.render(false)
     };
     let empty = Instance::of::<Iceoryx2Bridge>("bridge").rate("200 Hz");
-    assert!(refusal(empty.subscribe("state", "arm/state")).contains("it bridges nothing"));
+    assert!(refusal(empty.subscribe("state", "arm/state")).contains("the bridge has no ports"));
     let of_type = |name: &str| toml::Table::from_iter([("type".to_string(), name.into())]);
     let feeding = |name: &str| {
         let ports = toml::Table::from_iter([("target".to_string(), toml::Value::Table(of_type(name)))]);

@@ -375,7 +375,7 @@ fn ports_that_carry_something_else_are_refused() {
         Graph::new("refused").with(player()).with(bridge).check().unwrap_err().render(false)
     };
     for (config, reason) in [
-        ("out = [\"poses\"]\nout_streams = [\"poses\"]", "two ports named `poses`"),
+        ("out = [\"poses\"]\nout_streams = [\"poses\"]", "two ports are named `poses`"),
         ("out_slices = [\"poses\"]", "has slices at one port"),
         (
             "out = [\"poses\"]\nin.goals = { type = \"u8\", pattern = { stream = { capacity = 0 } } }",
@@ -383,11 +383,11 @@ fn ports_that_carry_something_else_are_refused() {
         ),
         (
             "out = [\"poses\"]\nin.goals = { type = \"u8\", pattern = { slices = { longest = 0, capacity = 1 } } }",
-            "slices of 0 elements",
+            "the maximum length of a slice is 0",
         ),
         (
             "out = [\"poses\"]\nin.stop = { type = \"motorium.EmergencyStop\", pattern = { stream = { capacity = 4 } } }",
-            "an emergency stop in a queue",
+            "an emergency stop must not wait in a queue",
         ),
         ("out = [\"poses\"]\nin.goals = { type = \"motorium.Pose\" }", "no built-in state `motorium.Pose`"),
     ] {

@@ -1,10 +1,10 @@
 //! Joints at their limits.
 
-/// Counts of joints on a limit at the end of an integration step.
+/// Numbers of joints at their limits at the end of an integration step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct JointEvents {
-    /// Joints whose drive is at its effort limit.
+    /// Number of joints whose drive is at its effort limit.
     pub saturated: usize,
-    /// Joints held by a limit stop.
+    /// Number of joints at a position limit.
     pub at_limit: usize,
 }

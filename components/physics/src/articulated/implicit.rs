@@ -8,9 +8,9 @@ use super::laws::{Friction, Laws, Mode, START};
 use crate::JointSetpoint;
 use crate::joint::JointProperties;
 
-/// The mass matrix is singular at this index of `v`: the joint moves no inertia.
+/// The mass matrix is singular: the joint with this index in `v` moves no inertia.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("the mass matrix is singular: velocity {0} moves no inertia")]
+#[error("the mass matrix is singular: the joint at index {0} of the velocity moves no inertia")]
 pub struct Singular(pub usize);
 
 /// Quantities at the start of a step.

@@ -11,11 +11,11 @@ use crate::contact::ImpulseTarget;
 use crate::joint::JointProperties;
 use crate::{Integrator, JointSetpoint};
 
-/// A joint-space integrator: moves a robot without contacts by one integration step at a time.
+/// A joint-space integrator: advances a robot without contacts by one integration step at a time.
 ///
-/// The default method is semi-implicit Euler, of first order, in the independent coordinates. Mimic joints
-/// are exact because they have no independent coordinate. A floating base comes first. The end velocity `v+`
-/// of a step of length h solves
+/// The default method is semi-implicit Euler, of first order, in the independent coordinates, floating base
+/// first. Mimic joints are exact because they have no independent coordinate. The end velocity `v+` of a step
+/// of length h solves
 ///
 /// ```text
 /// M(q) (v+ - v) / h + C(q, v) v + g(q) = tau(q + h v+, v+) - D v+ + friction(v+) + stop(q + h v+)
@@ -23,15 +23,15 @@ use crate::{Integrator, JointSetpoint};
 /// ```
 ///
 /// with the drive law `tau` of [`JointSetpoint`], viscous damping `D`, Coulomb friction that can stick, and
-/// inelastic limit stops. A floating base moves along a straight line and turns about a fixed axis during the
-/// step. Its velocity is expressed in axes that do not rotate during the step, so rotation alone does not
-/// change it.
+/// inelastic limit stops. During the step, a floating base translates along a straight line and rotates about
+/// a fixed axis. Its velocity is expressed in axes that do not rotate during the step, so rotation alone does
+/// not change it.
 ///
-/// Each term is a monotone function of its own `v+_i` and `M` is positive definite. The problem is therefore
-/// strictly convex, and its solution exists and is unique for any gains. An active set finds the solution: a
-/// joint's drive is linear or saturated, its friction sticks or slips, its stop is active or inactive. The
-/// linear system of the current modes is solved until its solution confirms the modes. The first guess is the
-/// modes of the last step, which are nearly always correct.
+/// Each term is a monotone function of its own `v+_i`, and `M` is positive definite. The problem is therefore
+/// strictly convex and has a unique solution for any gains. An active set finds the solution. A joint's drive
+/// is linear or saturated, its friction sticks or slips, and its stop is active or inactive. The linear
+/// system of the current modes is solved repeatedly until its solution confirms the modes. The initial guess
+/// is the modes of the last step, which are nearly always correct.
 ///
 /// The drive law is evaluated at the end of the step, which adds damping: a drive with Kp and Kd behaves like
 /// one with Kd + h Kp. A drive without damping therefore comes to rest.
@@ -47,8 +47,8 @@ use crate::{Integrator, JointSetpoint};
 /// ```
 ///
 /// with `v_m` from a first solution of the same step. Drives are still evaluated at the end of the step, so
-/// gains of any size are stable; the effects of drives, damping and friction are of first order. A step in
-/// which a joint may reach its stop uses Euler's method for the whole robot.
+/// gains of any size are stable. The effects of drives, damping and friction are therefore of first order. A
+/// step in which a joint may reach its stop uses Euler's method for the whole robot.
 ///
 /// Nothing allocates after [`new`](Self::new).
 ///
@@ -80,7 +80,7 @@ pub struct JointSpaceIntegrator {
     bias: DVector<f64>,
     v_next: DVector<f64>,
     solver: ImplicitSolver,
-    /// The method of [`advance`](Self::advance).
+    /// Integration method of [`advance`](Self::advance).
     method: Integrator,
     /// True if the current step uses the midpoint rule, with the positions `q_middle` at its midpoint and the
     /// start velocities `v_middle`; a base's velocity is expressed in its axes at the midpoint.
@@ -91,7 +91,7 @@ pub struct JointSpaceIntegrator {
 }
 
 impl JointSpaceIntegrator {
-    /// Creates a workspace for `model` with the passive properties `joints`, one per independent joint.
+    /// Creates an integrator for `model` with the passive properties `joints`, one per independent joint.
     pub fn new(model: &Model, joints: Vec<JointProperties>) -> Self {
         assert_eq!(joints.len(), model.joint_count(), "one set of properties per independent joint");
         let n = model.nv();
@@ -111,7 +111,7 @@ impl JointSpaceIntegrator {
         }
     }
 
-    /// Sets the method of [`advance`](Self::advance).
+    /// Sets the integration method of [`advance`](Self::advance).
     pub fn with_method(self, method: Integrator) -> Self {
         Self { method, ..self }
     }
@@ -132,7 +132,8 @@ impl JointSpaceIntegrator {
         self.bounds[joint] = bounds;
     }
 
-    /// Clears the modes of the last step, so that the next step depends only on its arguments.
+    /// Clears the modes of the last step, which are the initial guess of the next. The next step then depends
+    /// only on its arguments.
     pub fn forget(&mut self) {
         self.solver.forget();
     }
@@ -152,7 +153,7 @@ impl JointSpaceIntegrator {
     ///
     /// # Errors
     ///
-    /// [`Singular`] if a joint moves no inertia; `q` and `v` are then unchanged, `tau` is unspecified.
+    /// [`Singular`] if a joint moves no inertia. `q` and `v` are then unchanged, and `tau` is unspecified.
     pub fn advance(
         &mut self,
         model: &Model,

@@ -32,7 +32,7 @@ pub use integrator::JointSpaceIntegrator;
 pub(crate) use laws::{Drive, Laws, Mode};
 use part::Part;
 
-/// A robot with a fixed or floating base in a world, simulated by the [`Articulated`] engine.
+/// Simulates robots with fixed or floating bases in a world with the [`Articulated`] engine.
 ///
 /// # Example
 ///
@@ -71,9 +71,9 @@ pub type ArticulatedSimulator = Simulation<Articulated>;
 /// q+ = q + h v+
 /// ```
 ///
-/// with contact impulses `lambda` that prevent penetration and friction in Coulomb's cone
-/// ([`JointSpaceIntegrator`] documents the other terms). Several articulations and the free objects of the
-/// world are part of the same problem; parts without contacts between them are solved separately. The method
+/// with contact impulses `lambda` that prevent penetration, and friction in Coulomb's cone.
+/// [`JointSpaceIntegrator`] documents the other terms. Several articulations and the free objects of the
+/// world are part of the same problem; groups without contacts between them are solved separately. The method
 /// is semi-implicit Euler, of first order in h. Robots and objects that touch nothing may use the [midpoint
 /// rule](crate::Integrator::Midpoint) instead.
 ///
@@ -83,7 +83,7 @@ pub type ArticulatedSimulator = Simulation<Articulated>;
 /// the corners of the patch that their faces share, or where two edges cross.
 ///
 /// Torques against spinning about a contact normal and against rolling about its tangents are part of the
-/// same problem, each bounded by its coefficient times the normal force. A conveyor surface drags along
+/// same problem. Each is bounded by its coefficient times the normal force. A conveyor surface drags along
 /// objects that touch it. The air drag on free objects is evaluated at the end of the step.
 ///
 /// Objects that have been still for half a second fall asleep together with everything they touch. They wake
@@ -109,13 +109,13 @@ pub struct Articulated {
 pub struct LinkForce<'a> {
     /// The link.
     pub link: &'a str,
-    /// Point of application in the world \[m\].
+    /// Point of application on the link, in the world \[m\].
     pub point: Point3<f64>,
-    /// The force, friction included, world axes \[N\].
+    /// Contact force including friction, world axes \[N\].
     pub force: Vector3<f64>,
 }
 
-/// The state of an [`Articulated`] engine that later steps depend on.
+/// Snapshot of all [`Articulated`] engine state that affects later steps.
 pub struct ArticulatedState {
     parts: Vec<PartState>,
     scene: SceneState,
@@ -367,14 +367,13 @@ impl Articulated {
 
 impl Simulation<Articulated> {
     /// Moves the floating base of each robot vertically until the robot stands on the ground plane or the
-    /// terrain, and stops the robot. In a world without either, it stands on the plane z = 0. A robot without
-    /// collision shapes stays where it is.
+    /// terrain, and stops the robot. In a world with neither, it stands on the plane z = 0. A robot without
+    /// collision shapes is not moved.
     pub fn place_on_ground(&mut self) {
         (0..self.engine.parts.len()).for_each(|of| self.place_one_on_ground(of));
     }
 
-    /// Places the articulation with this index on the ground, as [`place_on_ground`](Self::place_on_ground)
-    /// does.
+    /// Places the articulation with this index on the ground. See [`place_on_ground`](Self::place_on_ground).
     pub fn place_one_on_ground(&mut self, articulation: usize) {
         let height = self.world.ground.map_or(0.0, |ground| ground.height);
         // Steps in which nothing can touch do not move the colliders.
@@ -391,14 +390,14 @@ impl Simulation<Articulated> {
         }
     }
 
-    /// Returns the sum of the contact forces on the robot during the last integration step \[N\], world axes,
-    /// without forces between links of robots.
+    /// Returns the sum of all contact forces on the robots during the last integration step \[N\], world
+    /// axes. Forces between links of robots are excluded.
     pub fn contact_force(&self) -> Vector3<f64> {
         self.engine.scene.force_on_robot()
     }
 
-    /// Passes each contact force on a moving link of a robot during the last integration step to `visit`,
-    /// friction included. A force between two links is passed twice, once for each.
+    /// Calls `visit` with each contact force on a moving link of a robot during the last integration step. A
+    /// force between two links is passed twice, once for each link.
     pub fn visit_forces(&self, visit: &mut dyn FnMut(&LinkForce<'_>)) {
         let scene = &self.engine.scene;
         for (index, contact, first, second) in scene.points() {

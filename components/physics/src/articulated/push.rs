@@ -10,7 +10,7 @@ use crate::simulation::Simulation;
 
 impl Simulation<Articulated> {
     /// Applies `force` \[N, world axes\] at `point` \[m, link axes\] of a link during the next step, in
-    /// addition to the forces already applied. A link that is fixed to the world does not move.
+    /// addition to forces already applied. A link that is fixed to the world does not move.
     ///
     /// ```
     /// use motorium_physics::{ArticulatedSimulator, Options, Simulator, World};

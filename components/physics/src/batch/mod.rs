@@ -14,7 +14,7 @@ use workers::Workers;
 /// for the last block, so blocks are small.
 const BLOCKS: usize = 16;
 
-/// Many simulations of robots of one kind, stepped together on several threads.
+/// Many simulations of robots with the same number of joints, stepped together on several threads.
 ///
 /// States, commands and [observations](Self::observing) of all worlds are contiguous, one world after the
 /// other. Each world computes the same result as it would alone, bit for bit, on any number of threads. The
@@ -22,8 +22,8 @@ const BLOCKS: usize = 16;
 /// processor, and then sleep.
 ///
 /// [`step`](Self::step) advances all worlds under the commands of the batch. [`each`](Self::each) visits all
-/// worlds, each with its own data `W` ([`with_data`](Self::with_data)): command, step, observe, reward, reset
-/// and randomise in one pass, on the thread that steps the world.
+/// worlds, each with its user data `W` ([`with_data`](Self::with_data)). One visit can set commands, step,
+/// observe, compute a reward, reset and randomise, on the thread that steps the world.
 ///
 /// # Example
 ///
@@ -79,12 +79,12 @@ struct Block<'a, E, W> {
 }
 
 impl<E: Engine + Send> Batch<E> {
-    /// Builds `count` worlds with `build`, which receives the index of each, and starts `threads` - 1 threads
-    /// (the caller's thread is the remaining one). All robots must have the same number of joints.
+    /// Builds `count` worlds and starts `threads` - 1 threads; the caller's thread is the remaining one.
+    /// `build` receives the index of each world. All robots must have the same number of joints.
     ///
     /// # Errors
     ///
-    /// The first error of `build`.
+    /// The first error that `build` returns.
     ///
     /// # Panics
     ///
@@ -121,8 +121,8 @@ impl<E: Engine + Send> Batch<E> {
 }
 
 impl<E: Engine + Send, W: Send> Batch<E, W> {
-    /// Replaces the data of all worlds with the values that `make` returns for the index of each, such as a
-    /// history of observations, random numbers or a reward.
+    /// Replaces the user data of all worlds with the values that `make` returns for the index of each. Such
+    /// data may be a history of observations, random numbers or a reward.
     #[must_use]
     pub fn with_data<T: Send>(self, make: impl FnMut(usize) -> T) -> Batch<E, T> {
         let data = (0..self.worlds.len()).map(make).collect();
@@ -143,8 +143,9 @@ impl<E: Engine + Send, W: Send> Batch<E, W> {
         }
     }
 
-    /// Adds `count` [observed](Self::observations) numbers per world. `observe` writes them after every
-    /// [`step`](Self::step), visit and reset, on the thread that performs it.
+    /// Adds an observation of `count` numbers per world. `observe` writes the
+    /// [observations](Self::observations) after every [`step`](Self::step), visit and reset, on the thread
+    /// that performs it.
     ///
     /// ```
     /// use std::path::Path;
@@ -181,17 +182,17 @@ impl<E: Engine + Send, W: Send> Batch<E, W> {
         self.worlds.len()
     }
 
-    /// Returns the number of threads that visit the worlds, the caller's included.
+    /// Returns the number of threads that visit the worlds, including the caller's.
     pub fn threads(&self) -> usize {
         self.workers.threads()
     }
 
-    /// Calls `work` once on each thread with the number of the thread, from 0, and returns when all calls
-    /// have returned. This lets work between two steps use the threads of the batch.
+    /// Calls `work` once on each thread with the index of the thread, from 0, and returns when all calls have
+    /// returned. Other work can thereby use the threads of the batch between two steps.
     ///
     /// # Panics
     ///
-    /// Continues the first panic of a call once all threads have stopped.
+    /// Resumes the first panic of a call once all threads have finished.
     pub fn on_threads(&mut self, work: &(dyn Fn(usize) + Sync)) {
         self.workers.run(work);
     }
@@ -201,18 +202,18 @@ impl<E: Engine + Send, W: Send> Batch<E, W> {
         &self.worlds[index]
     }
 
-    /// Returns the data of all worlds in order.
+    /// Returns the user data of all worlds, in order.
     pub fn data(&self) -> &[W] {
         &self.data
     }
 
-    /// Returns the data of all worlds, to change it between two steps.
+    /// Returns the user data of all worlds for modification between two steps.
     pub fn data_mut(&mut self) -> &mut [W] {
         &mut self.data
     }
 
-    /// Returns the commands of all drives of all worlds, one world after the other; they persist until
-    /// changed.
+    /// Returns the commands of all drives of all worlds for modification, one world after the other. Commands
+    /// persist until changed.
     pub fn commands_mut(&mut self) -> &mut [JointSetpoint] {
         &mut self.commands
     }
@@ -266,12 +267,12 @@ impl<E: Engine + Send, W: Send> Batch<E, W> {
         &self.outcomes
     }
 
-    /// Calls `visit` once for every world with its index, simulation and data, on all threads, and returns
-    /// when all calls have returned. States and observations are read after each visit.
+    /// Calls `visit` once for every world with its index, simulation and user data, distributed over all
+    /// threads. Returns when all calls have returned. States and observations are read after each visit.
     ///
-    /// The effect of a visit must depend only on its arguments; then the result is the same bit for bit on
+    /// The effect of a visit must depend only on its arguments. The result is then the same bit for bit on
     /// any number of threads. The commands of the batch are not used: a visit sets the commands of the
-    /// simulation.
+    /// simulation itself.
     ///
     /// ```
     /// use std::path::Path;
@@ -296,7 +297,7 @@ impl<E: Engine + Send, W: Send> Batch<E, W> {
     ///
     /// # Panics
     ///
-    /// Continues the first panic of a visit once all threads have stopped.
+    /// Resumes the first panic of a visit once all threads have finished.
     pub fn each(&mut self, visit: impl Fn(usize, &mut Simulation<E>, &mut W) + Sync) {
         self.visit(&|index, world, data, _| visit(index, world, data));
     }
@@ -343,7 +344,7 @@ impl<E: Engine + Send, W: Send> Batch<E, W> {
     ///
     /// # Errors
     ///
-    /// [`ResetError`]; nothing has changed then.
+    /// [`ResetError`]; nothing is changed then.
     pub fn reset(&mut self, world: usize, q: &[f64], v: &[f64]) -> Result<(), ResetError> {
         self.worlds[world].reset(q, v)?;
         self.commands[world * self.drives..][..self.drives].fill(JointSetpoint::default());
@@ -351,11 +352,12 @@ impl<E: Engine + Send, W: Send> Batch<E, W> {
         Ok(())
     }
 
-    /// Resets one world with other physical properties, which persist until the next call.
+    /// Resets one world like [`reset`](Self::reset), with other physical properties, which persist until the
+    /// next call.
     ///
     /// # Errors
     ///
-    /// [`ResetError`]; nothing has changed then.
+    /// [`ResetError`]; nothing is changed then.
     pub fn reset_with(
         &mut self,
         world: usize,

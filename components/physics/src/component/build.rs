@@ -64,7 +64,7 @@ pub(super) fn build<E: PhysicsEngine>(
     let doubts = located.iter().map(|warning| format!("world: {warning}")).collect();
     let built = match (robot, robots) {
         (Some(robot), _) => one(&config, (robot, follows[0]), folder),
-        (None, []) => Err(ConfigError::new("it simulates a robot, but the component names none")
+        (None, []) => Err(ConfigError::new("the component names no robot, but it simulates one")
             .advise("add `robot = \"NAME\"`, or `robots = [\"ONE\", \"OTHER\"]`")),
         (None, robots) => several(&config, (robots, follows), folder),
     };
@@ -77,7 +77,8 @@ fn one<E: PhysicsEngine>(
     folder: &Path,
 ) -> Result<Built<E>, ConfigError> {
     if let Some(name) = config.start.keys().next() {
-        let message = format!("a start for `{name}` of a component with one robot");
+        let message =
+            format!("`start.{name}` applies to components with several robots, but this one has one");
         return Err(ConfigError::key("start", message).advise("use `pose` or `position`"));
     }
     let (mut setup, loaded) = load(config, robot)?;
@@ -143,7 +144,7 @@ fn several<E: PhysicsEngine>(
         }
     }
     if drives > MAX_JOINTS {
-        let message = format!("the robots have {drives} joints together, at most {MAX_JOINTS} fit");
+        let message = format!("the robots have {drives} joints in total, expected at most {MAX_JOINTS}");
         return Err(ConfigError::key("robots", message).advise("simulate some of them in another component"));
     }
     let setups = groups.iter().map(|group| {
@@ -191,15 +192,15 @@ fn set_actuators(
     Ok(())
 }
 
-/// An engine with a component kind.
+/// A physics engine that is available as a component kind.
 pub trait PhysicsEngine: Engine + Send + 'static {
     /// Name of the kind.
     const KIND: &'static str;
     /// One-line summary of the kind.
     const SUMMARY: &'static str;
 
-    /// Prepares a new simulation for its component. `anywhere` lists the articulations with a floating base
-    /// whose start is not configured.
+    /// Prepares a new simulation for its component. `anywhere` lists the indices of the articulations with a
+    /// floating base whose start is not configured.
     fn prepare(simulation: &mut Simulation<Self>, anywhere: &[usize]);
 }
 

@@ -15,8 +15,7 @@ use super::pushes::PushConfig;
 use crate::randomise::RandomiseConfig;
 use crate::{BuildError, Connection, Options, RobotSetup, Simulator, World};
 
-/// Configuration of the physics kinds: start of the robots, their surroundings, and the settings of the
-/// engine.
+/// Configuration of the physics kinds: initial state of the robots, the world, and settings of the engine.
 ///
 /// ```toml
 /// solver = { contact_iterations = 4 }
@@ -25,65 +24,68 @@ use crate::{BuildError, Connection, Options, RobotSetup, Simulator, World};
 #[derive(Clone, Debug, Default, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct PhysicsConfig {
-    /// Named start pose, from the robot's profile or its SRDF. Default without `position`: the home pose, or,
-    /// for a robot without a profile, all joints at zero (at the middle of their range if it excludes zero).
+    /// Named initial pose, from the robot's profile or its SRDF. Default without `position`: the home pose. A
+    /// robot without a profile starts with all joints at zero, or at the middle of their range if it excludes
+    /// zero.
     pub pose: Option<String>,
-    /// Start positions of the joints, rad or m: one number for all joints, or one for each in order. Replaces
+    /// Initial joint positions, rad or m: one number for all joints, or one per joint in order. Excludes
     /// `pose`.
     pub position: Option<PerJoint>,
-    /// True: the root link moves freely; false: it is fixed to the world. Default: according to the robot's
-    /// profile and file. `physics.rapier` supports fixed bases only.
+    /// `true` if the root link moves freely, `false` if it is fixed to the world. Default: according to the
+    /// robot's profile and file. `physics.rapier` supports fixed bases only.
     pub floating: Option<bool>,
-    /// Start of a floating base. Default: its position in the pose of the profile, or standing on the ground.
+    /// Initial pose of a floating base. Default: its position in the pose of the profile, or standing on the
+    /// ground.
     pub base: Option<BaseStart>,
-    /// Starts of several robots, by robot name. Default: `pose`, or the home pose of each.
+    /// Initial states of several robots, by robot name. Default: `pose`, or the home pose of each robot.
     pub start: BTreeMap<String, RobotStart>,
-    /// Gravity, ground and objects around the robot, for a graph without a `[world]`.
+    /// Gravity, ground and objects of the world, for a graph without a `[world]`.
     pub world: World,
     /// External forces and torques at specified times.
     pub pushes: Vec<PushConfig>,
-    /// The actuators of all joints, in `physics.articulated` only. Default: ideal actuators.
+    /// Actuator model of all joints, only in `physics.articulated`. Default: ideal actuators.
     pub actuator: Option<ActuatorConfig>,
-    /// Actuators of single joints by joint name, instead of `actuator`. With several robots a name is
+    /// Actuator models of single joints by joint name, replacing `actuator`. With several robots a name is
     /// `ROBOT/JOINT`.
     pub actuators: BTreeMap<String, ActuatorConfig>,
-    /// Connections between links and objects in addition to the joints of the robots, made in the start
-    /// poses; they close loops. With several robots a link is `ROBOT/LINK`.
+    /// Connections between links and objects in addition to the joints of the robots. They can close
+    /// kinematic loops and hold the relative poses at the start. With several robots a link is `ROBOT/LINK`.
     pub connections: Vec<Connection>,
-    /// Springs in joints by joint name, instead of the springs of an MJCF file. With several robots a name is
+    /// Springs in joints by joint name, replacing the springs of an MJCF file. With several robots a name is
     /// `ROBOT/JOINT`.
     pub springs: BTreeMap<String, SpringConfig>,
-    /// Surfaces of single links by link name, instead of the surfaces of `solver` and of the profile. With
+    /// Surfaces of single links by link name, replacing the surfaces of `solver` and of the profile. With
     /// several robots a name is `ROBOT/LINK`.
     pub surfaces: BTreeMap<String, SurfaceConfig>,
     /// Ranges of physical properties, sampled at the start of every episode. Default: nothing is sampled.
     pub randomise: RandomiseConfig,
     /// Settings of the engine.
     pub solver: Options,
-    /// True: the commands come from drives that another component simulates, such as `can.drive_sim`, and are
-    /// applied unchecked; that component's actuator checks them. Default false.
+    /// `true` if the commands come from drives that another component simulates, such as `can.drive_sim`.
+    /// They are applied unchecked, because that component's actuator checks them. Default false.
     pub plant: bool,
-    /// Age beyond which a state of `follow` or `follow_base` is stale: the robot then holds its last pose
+    /// Age beyond which a state of `follow` or `follow_base` is stale. The robot then holds its last pose
     /// with zero velocity. Default 20 ms.
     pub follow_stale_after: Option<TimeSpan>,
 }
 
-/// The surface of a link. Missing keys keep the values of the other links.
+/// Contact surface of a link. Missing keys keep the values of the robot's other links.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SurfaceConfig {
-    /// Coefficient of friction, from 0; 0 is frictionless in contact with everything that has no
+    /// Coefficient of friction, from 0. A surface with 0 is frictionless against every surface without a
     /// `friction_combine`.
     #[schemars(range(min = 0.0))]
     pub friction: Option<f64>,
-    /// Rule by which frictions combine. Default: the mean of both surfaces' for a friction above 0.
+    /// Rule by which the friction coefficients of two surfaces combine. Default: the mean if the friction is
+    /// above 0, otherwise the product.
     pub friction_combine: Option<FrictionCombine>,
     /// Fraction of the approach speed kept after an impact, 0 to 1. A contact uses the mean of both surfaces.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub restitution: Option<f64>,
     /// Softness: contact points yield like a spring and a damper. Default: the surface is rigid.
     pub soft: Option<Softness>,
-    /// Friction along one direction of the link that differs from the friction across it.
+    /// Direction-dependent friction of the link. Default: the same in all directions.
     pub grain: Option<Grain>,
 }
 
@@ -99,17 +101,17 @@ pub struct SpringConfig {
     pub rest: f64,
 }
 
-/// Start of one of several robots.
+/// Initial state of one of several robots.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RobotStart {
-    /// Named pose to start in.
+    /// Named initial pose.
     pub pose: Option<String>,
-    /// Joint positions to start at, rad or m: one number for all joints, or one for each. Instead of `pose`.
+    /// Initial joint positions, rad or m: one number for all joints, or one per joint. Excludes `pose`.
     pub position: Option<PerJoint>,
 }
 
-/// Start pose of a floating base.
+/// Initial pose of a floating base.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct BaseStart {
@@ -139,12 +141,15 @@ impl PhysicsConfig {
     ) -> Result<Option<Isometry3<f64>>, ConfigError> {
         if placed && self.base.is_some() {
             return Err(ConfigError::key("base", "the graph already specifies the robot's pose")
-                .advise("keep `base` of the robot, and remove this one"));
+                .advise("remove this `base`, or the `base` of the robot"));
         }
         if let Some(BaseStart { position: [x, y, z], rpy: [roll, pitch, yaw] }) = self.base {
             if !robot.model.base().floating {
-                return Err(ConfigError::key("base", "a start pose for a base that is fixed to the world")
-                    .advise("leave it out, or set `floating = true`"));
+                return Err(ConfigError::key(
+                    "base",
+                    "an initial pose is set, but the base is fixed to the world",
+                )
+                .advise("remove it, or set `floating = true`"));
             }
             if ![x, y, z, roll, pitch, yaw].iter().all(|number| number.is_finite()) {
                 return Err(ConfigError::key("base", "expected finite numbers"));
@@ -263,12 +268,13 @@ impl PhysicsConfig {
             }
             (None, Some(position), _) => position.resolve(model.joint_count()).map_err(|error| {
                 let names = model.joint_names().join(", ");
-                ConfigError::key("position", error.to_string()).advise(format!("in this order: {names}"))
+                ConfigError::key("position", error.to_string())
+                    .advise(format!("list the joints in this order: {names}"))
             }),
             (Some(pose), None, None) => match posture(robot, pose) {
                 Some(posture) => Ok(posture.joints.as_slice().to_vec()),
                 None => {
-                    let message = format!("pose \"{pose}\" of a robot without a profile");
+                    let message = format!("pose \"{pose}\" is unknown, and the robot has no profile");
                     Err(ConfigError::key("pose", message).advise(advice(robot)))
                 }
             },
@@ -299,7 +305,7 @@ fn posture<'a>(robot: &'a Loaded, name: &str) -> Option<&'a Posture> {
 fn advice(robot: &Loaded) -> String {
     let names: Vec<_> = robot.postures.iter().map(|posture| posture.name.as_str()).collect();
     if names.is_empty() {
-        "write its `position` instead, or a profile (.toml) next to its URDF".to_owned()
+        "set `position` instead, or add a profile (.toml) next to the URDF".to_owned()
     } else {
         format!("its SRDF has {}", names.join(", "))
     }

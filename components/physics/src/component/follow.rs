@@ -46,13 +46,13 @@ pub(super) fn declare(
             let wired = if declare.subscribes(&joints) { &joints } else { &base };
             let message = format!("`{wired}` and `{command}` both move the robot");
             return Err(ConfigError::new(message).advise(format!(
-                "a robot that follows accepts no commands: leave out `{wired}` or `{command}`"
+                "a robot that follows a state accepts no commands; remove `{wired}` or `{command}`"
             )));
         }
         if robot.follows {
             let name = robot.name.as_ref().map_or_else(String::new, |name| format!(" `{name}`"));
             declare.note(format!(
-                "moves its robot{name} along followed states: no actuator, no command gate, no safe state"
+                "moves its robot{name} along followed states, without actuator, command gate or safe state"
             ));
         } else {
             declare.input::<state::JointCommand>(&command, "commands of the drives");
@@ -66,8 +66,8 @@ pub(super) fn declare(
     }
     let driven = robots.iter().any(|robot| !robot.follows);
     if config.plant && !driven {
-        return Err(ConfigError::key("plant", "simulated drives of a robot that follows")
-            .advise("leave `plant` out, or wire the efforts of the drives to `joint_command`"));
+        return Err(ConfigError::key("plant", "all robots follow states, so no robot has simulated drives")
+            .advise("remove `plant`, or wire the efforts of the drives to `joint_command`"));
     }
     Ok(driven)
 }

@@ -36,21 +36,21 @@ use truth::Truth;
 /// base.
 pub type ArticulatedPhysics = PhysicsComponent<Articulated>;
 
-/// `physics.rapier`: a simulation with the [`Rapier`] engine, for robots with a fixed base. Heap allocations
-/// inside rapier are counted separately.
+/// `physics.rapier`: a simulation with the [`Rapier`] engine, for robots with a fixed base. The engine's heap
+/// allocations are counted separately.
 pub type RapierPhysics = PhysicsComponent<Rapier>;
 
 /// `physics.mujoco`: a simulation with the [`Mujoco`] engine, for robots with a fixed or a floating base;
 /// requires the MuJoCo library.
 pub type MujocoPhysics = PhysicsComponent<Mujoco>;
 
-/// One or several simulated robots in one world. Each publishes its joint state, follows joint commands, and
-/// has its own ports and command gate. A robot with a floating base also publishes its base state. A robot
-/// whose `follow` or `follow_base` is wired is moved along these states instead of by commands.
+/// One or more simulated robots in one world. Each robot has separate ports and a command gate: it publishes
+/// its joint state and follows joint commands. A robot with a floating base also publishes its base state. A
+/// robot whose `follow` or `follow_base` is wired is moved along these states instead of by commands.
 ///
 /// Every step passes the newest command through the [`CommandGate`], advances the simulation by the time
-/// since the last step, and publishes the state at its end. After skipped steps the simulation catches up on
-/// up to four of them, so that the robot does not freeze while its clock advances.
+/// since the last step, and publishes the resulting state. After skipped steps the simulation catches up on
+/// at most four of them, so that the robot does not freeze while its clock advances.
 ///
 /// After a crash the robot continues from its last published state, and the objects return to their start
 /// states.

@@ -20,11 +20,11 @@ use crate::{Articulation, Engine, Simulation, Simulator};
 #[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PushConfig {
-    /// Time at which it begins.
+    /// Start time of the push.
     pub at: TimeSpan,
     /// Duration of the push.
     pub duration: TimeSpan,
-    /// Pushed link; with several robots `ROBOT/LINK`. Default: the base of the first robot.
+    /// Pushed link; with several robots `ROBOT/LINK`. Default: the base link of the first robot.
     #[serde(default)]
     pub link: Option<String>,
     /// Point of application, in link axes, m. Default: the origin of the link.
@@ -74,8 +74,11 @@ impl Pushes {
                 }
             }
             if config.force == [0.0; 3] && config.torque == [0.0; 3] {
-                return Err(ConfigError::key(format!("pushes[{index}]"), "neither a force nor a torque")
-                    .advise("write `force = [60.0, 0.0, 0.0]`"));
+                return Err(ConfigError::key(
+                    format!("pushes[{index}]"),
+                    "the push has neither a force nor a torque",
+                )
+                .advise("write `force = [60.0, 0.0, 0.0]`"));
             }
             if config.duration.ns == 0 {
                 return Err(ConfigError::key(key("duration"), "0, expected a time such as \"100 ms\""));

@@ -88,7 +88,9 @@ fn draws(
         let own = |quantity: &&Quantity| quantity.robot.is_none_or(|robot| robot == index);
         let count = draws.quantities().iter().filter(own).count();
         if count > MAX_DRAWN {
-            let message = format!("{count} numbers are sampled, at most {MAX_DRAWN} fit into a message");
+            let message = format!(
+                "{count} numbers are sampled, expected at most {MAX_DRAWN}, which fit into a message"
+            );
             return Err(ConfigError::key("randomise", message).advise("sample fewer properties"));
         }
     }

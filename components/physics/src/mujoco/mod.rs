@@ -33,7 +33,7 @@ use library::Library;
 use native::{Native, Parts};
 use places::{ObjectPlace, Places, pose_at};
 
-/// A robot with a fixed or floating base in a world, simulated by the [`Mujoco`] engine.
+/// Simulates robots with fixed or floating bases in a world with the [`Mujoco`] engine.
 ///
 /// ```
 /// use motorium_physics::{Mujoco, MujocoSimulator, Options, Simulator, World};
@@ -55,18 +55,18 @@ pub type MujocoSimulator = Simulation<Mujoco>;
 
 /// The MuJoCo engine, based on the library of MuJoCo 3.17.0.
 ///
-/// MuJoCo is searched for where `pip install mujoco==3.17.0` installs it: below the Python of
-/// `MOTORIUM_PYTHON`, of `VIRTUAL_ENV`, of every folder of `PATH` and of `~/.local`, and in `/usr/local/lib`
-/// and `/usr/lib`. `MOTORIUM_MUJOCO` names the library or its folder instead.
+/// MuJoCo is searched for where `pip install mujoco==3.17.0` installs it. These places are the Python of
+/// `MOTORIUM_PYTHON`, of `VIRTUAL_ENV`, of every folder of `PATH` and of `~/.local`, and the folders
+/// `/usr/local/lib` and `/usr/lib`. `MOTORIUM_MUJOCO` names the library or its folder instead.
 ///
-/// The method is semi-implicit Euler. Drives and damping are implicit in the mass matrix, so MuJoCo's solver
-/// (Newton, elliptic cones) accounts for them as inertia. The solver covers contacts, joint stops, joint
-/// friction and mimic joints. Effort limits hold in every step: a step in which a drive exceeds its limit is
-/// solved again. Contacts are MuJoCo's soft contacts, as stiff as a step of a millisecond allows. Their
-/// friction is the mean of both surfaces, and their damping is chosen to match the mean restitution.
+/// The method is semi-implicit Euler. Drives and damping are implicit: they are added to the mass matrix, so
+/// MuJoCo's solver (Newton, elliptic cones) treats them as inertia. The solver covers contacts, joint stops,
+/// joint friction and mimic joints. Effort limits hold in every step: a step in which a drive exceeds its
+/// limit is solved again. Contacts are MuJoCo's soft contacts, as stiff as a step of a millisecond allows.
+/// Their friction is the mean of both surfaces, and their damping is chosen to match the mean restitution.
 ///
-/// A terrain is a MuJoCo height field, which ends at the edge of its grid. motorium itself casts rays,
-/// against the same shapes.
+/// A terrain is a MuJoCo height field, which ends at the edge of its grid. Rays are cast by motorium against
+/// the same shapes.
 pub struct Mujoco {
     options: Options,
     library: &'static Library,
@@ -100,7 +100,7 @@ pub struct Mujoco {
 /// motorium's are not.
 const YIELD: f64 = 1e-4;
 
-/// The state of a [`Mujoco`] engine that later steps depend on.
+/// Snapshot of all [`Mujoco`] engine state that affects later steps.
 pub struct MujocoState {
     numbers: Vec<f64>,
     objects: usize,
@@ -114,7 +114,7 @@ impl Mujoco {
     ///
     /// # Errors
     ///
-    /// [`LibraryError`], with advice on what to install.
+    /// [`LibraryError`], which includes what to install.
     pub fn find() -> Result<(), LibraryError> {
         Library::get().map(|_| ())
     }

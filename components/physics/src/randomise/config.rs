@@ -8,15 +8,15 @@ use serde::Deserialize;
 
 use super::RangeError;
 
-/// Lowest and highest value of a quantity, sampled uniformly.
+/// Minimum and maximum of a quantity, which is sampled uniformly in between.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(transparent)]
 pub struct Interval(pub [f64; 2]);
 
-/// Ranges of physical properties, sampled at the start of every episode from its seed.
+/// Ranges of physical properties. Values are sampled from the seed at the start of every episode.
 ///
-/// Masses, damping, friction and efforts are factors of the nominal values of robot and world. Restitution is
-/// absolute, and starts are displacements. Each body, joint and object has a separate sample.
+/// Masses, damping, friction and efforts are scaled relative to the nominal values of robot and world.
+/// Restitution is absolute, and starts are displacements. Each body, joint and object is sampled separately.
 ///
 /// ```toml
 /// mass     = [0.9, 1.1]
@@ -27,36 +27,36 @@ pub struct Interval(pub [f64; 2]);
 #[derive(Clone, Debug, Default, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RandomiseConfig {
-    /// Factor of the gravitational acceleration, from 0 to 100.
+    /// Scales the gravitational acceleration, from 0 to 100.
     pub gravity: Option<Interval>,
-    /// Factor of the mass and the inertia of each body of the robot, above 0 to 100.
+    /// Scales the mass and inertia of each body of the robot, from 0.001 to 100.
     pub mass: Option<Interval>,
-    /// Factor of the friction of the robot's surface, one for the whole robot, from 0 to 100.
+    /// Scales the friction of the robot's surface, with one value for the whole robot, from 0 to 100.
     pub friction: Option<Interval>,
     /// Restitution of the robot's surface, from 0 to 1.
     pub restitution: Option<Interval>,
-    /// Factor of the viscous damping of each joint, from 0 to 100.
+    /// Scales the viscous damping of each joint, from 0 to 100.
     pub damping: Option<Interval>,
-    /// Factor of the Coulomb friction of each joint, from 0 to 100.
+    /// Scales the Coulomb friction of each joint, from 0 to 100.
     pub joint_friction: Option<Interval>,
-    /// Factor of the largest effort of each joint, from 0 to 100.
+    /// Scales the effort limit of each joint, from 0 to 100.
     pub effort_limit: Option<Interval>,
-    /// Displacement of the start of each joint, rad or m; the start stays within the joint's limits.
+    /// Displacement of each joint's initial position, rad or m. The result stays within the joint's limits.
     pub start: Option<Interval>,
-    /// The actuators of the joints.
+    /// Properties of the actuators.
     pub actuator: ActuatorIntervals,
-    /// Interval between samples of all properties except starts, objects and terrain within an episode.
-    /// Default: once per episode.
+    /// Interval at which all properties except starts, objects and terrain are sampled again within an
+    /// episode. Default: once per episode.
     pub every: Option<TimeSpan>,
-    /// Displacement of the start of a floating base.
+    /// Displacement of a floating base's initial pose.
     pub base: PlaceIntervals,
-    /// The ground or the terrain.
+    /// Surface of the ground or the terrain.
     pub ground: SurfaceIntervals,
-    /// The shape of the terrain.
+    /// Shape of the terrain.
     pub terrain: TerrainIntervals,
-    /// Objects of the world by name.
+    /// Properties of objects by object name.
     pub objects: BTreeMap<String, ObjectIntervals>,
-    /// Ranges of single robots by name, instead of the ranges above.
+    /// Ranges of single robots by robot name, which replace the ranges above.
     pub robots: BTreeMap<String, RobotIntervals>,
 }
 
@@ -64,41 +64,41 @@ pub struct RandomiseConfig {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RobotIntervals {
-    /// Factor of the mass and the inertia of each body.
+    /// Scales the mass and inertia of each body.
     pub mass: Option<Interval>,
-    /// Factor by which the friction of its surface is multiplied.
+    /// Scales the friction of the robot's surface.
     pub friction: Option<Interval>,
-    /// Restitution of its surface.
+    /// Restitution of the robot's surface.
     pub restitution: Option<Interval>,
-    /// Factor of the viscous damping of each joint.
+    /// Scales the viscous damping of each joint.
     pub damping: Option<Interval>,
-    /// Factor of the Coulomb friction of each joint.
+    /// Scales the Coulomb friction of each joint.
     pub joint_friction: Option<Interval>,
-    /// Factor of the largest effort of each joint.
+    /// Scales the effort limit of each joint.
     pub effort_limit: Option<Interval>,
-    /// Displacement of the start of each joint, rad or m.
+    /// Displacement of each joint's initial position, rad or m.
     pub start: Option<Interval>,
-    /// Actuators of the robot.
+    /// Properties of the robot's actuators.
     pub actuator: ActuatorIntervals,
 }
 
-/// Ranges of the actuators of joints, as factors of their settings in the graph.
+/// Ranges of actuator properties, which scale the settings in the graph.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ActuatorIntervals {
-    /// Factor of the commanded stiffness and damping of a drive, from 0 to 100.
+    /// Scales the commanded stiffness and damping of a drive, from 0 to 100.
     pub gain: Option<Interval>,
-    /// Factor of all efforts of a drive and of its effort limit, from 0 to 100.
+    /// Scales all efforts of a drive and its effort limit, from 0 to 100.
     pub strength: Option<Interval>,
-    /// Factor of `delay` of an actuator, above 0 to 100.
+    /// Scales the `delay` of an actuator, from 0.001 to 100.
     pub delay: Option<Interval>,
-    /// Factor of `lag` of an actuator, from 0 to 100.
+    /// Scales the `lag` of an actuator, from 0 to 100.
     pub lag: Option<Interval>,
-    /// Factor of `rate_limit` of an actuator, above 0 to 100.
+    /// Scales the `rate_limit` of an actuator, from 0.001 to 100.
     pub rate_limit: Option<Interval>,
-    /// Factor of `drivetrain.backlash` of an actuator, from 0 to 100.
+    /// Scales the `drivetrain.backlash` of an actuator, from 0 to 100.
     pub backlash: Option<Interval>,
-    /// Factor of `drivetrain.stiffness` of an actuator, above 0 to 100.
+    /// Scales the `drivetrain.stiffness` of an actuator, from 0.001 to 100.
     pub stiffness: Option<Interval>,
 }
 
@@ -130,15 +130,16 @@ impl ActuatorIntervals {
     }
 }
 
-/// Ranges of a displacement in the world.
+/// Ranges of a displacement in the world, in addition to the initial pose.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct PlaceIntervals {
-    /// Along x of the world, m.
+    /// Displacement along x of the world, m.
     pub x: Option<Interval>,
-    /// Along y of the world, m.
+    /// Displacement along y of the world, m.
     pub y: Option<Interval>,
-    /// Along z of the world, m. For a base without a specified position: its height above the ground.
+    /// Along z of the world, m. For a base without a configured position, this is its height above the
+    /// ground.
     pub z: Option<Interval>,
     /// Rotation about z of the world, rad.
     pub yaw: Option<Interval>,
@@ -148,19 +149,19 @@ pub struct PlaceIntervals {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SurfaceIntervals {
-    /// Factor of the friction, from 0 to 100.
+    /// Scales the friction, from 0 to 100.
     pub friction: Option<Interval>,
     /// Restitution, from 0 to 1.
     pub restitution: Option<Interval>,
 }
 
-/// Ranges of the shape of a terrain. Its size and its layers do not change.
+/// Ranges of the shape of a terrain. Its size and number of layers do not change.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct TerrainIntervals {
-    /// Seed of the random features of its layers: whole numbers from 0 to 1e15, both ends included.
+    /// Seed of the random features of the terrain: whole numbers from 0 to 1e15, both ends included.
     pub seed: Option<Interval>,
-    /// Factor of all heights, from 0 to 100.
+    /// Scales all heights, from 0 to 100.
     pub scale: Option<Interval>,
 }
 
@@ -168,19 +169,19 @@ pub struct TerrainIntervals {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ObjectIntervals {
-    /// Factor of the mass and the inertia, above 0 to 100.
+    /// Scales the mass and inertia, from 0.001 to 100.
     pub mass: Option<Interval>,
-    /// Factor of the friction, from 0 to 100.
+    /// Scales the friction, from 0 to 100.
     pub friction: Option<Interval>,
     /// Restitution, from 0 to 1.
     pub restitution: Option<Interval>,
-    /// Displacement of the start along x of the world, m.
+    /// Displacement of the initial position along x of the world, m.
     pub x: Option<Interval>,
-    /// Displacement of the start along y of the world, m.
+    /// Displacement of the initial position along y of the world, m.
     pub y: Option<Interval>,
-    /// Displacement of the start along z of the world, m.
+    /// Displacement of the initial position along z of the world, m.
     pub z: Option<Interval>,
-    /// Rotation of the start about z of the world, rad.
+    /// Rotation of the initial pose about z of the world, rad.
     pub yaw: Option<Interval>,
 }
 
@@ -224,7 +225,7 @@ impl Interval {
             return Err(RangeError::new(key, format!("[{low}, {high}], expected {expected}")));
         }
         if low > high {
-            return Err(RangeError::new(key, format!("[{low}, {high}], but the lowest value comes first"))
+            return Err(RangeError::new(key, format!("[{low}, {high}], expected the lower value first"))
                 .advise(format!("write [{high}, {low}]")));
         }
         Ok(())

@@ -28,7 +28,7 @@ pub use start::Start;
 
 use crate::{Engine, Properties, Simulation, Simulator};
 
-/// Samples of physical properties. Equal seeds produce equal values, in a graph and in a batch.
+/// Generates samples of physical properties. Equal seeds produce equal values, in a graph and in a batch.
 ///
 /// ```
 /// use std::path::Path;
@@ -57,12 +57,13 @@ pub struct Draws {
 }
 
 impl Draws {
-    /// Creates samples for `robots`, in the order of the simulation, with `nominal` properties and start `q`
-    /// (nq).
+    /// Creates a generator for `robots`, in the order of the simulation, with `nominal` properties and the
+    /// initial configuration `q` (nq).
     ///
     /// # Errors
     ///
-    /// The first range that is out of bounds, or matches nothing in the simulation.
+    /// [`RangeError`] for the first range that is out of bounds, or that applies to nothing in the
+    /// simulation.
     pub fn new(
         config: &RandomiseConfig,
         robots: &[RandomisedRobot],
@@ -73,11 +74,11 @@ impl Draws {
         Ok(Self { quantities, shares: shares(robots), nominal, q: q.to_vec() })
     }
 
-    /// Creates samples for a simulation of one robot, with its current state as the start.
+    /// Creates a generator for a simulation of one robot. Its current state is the nominal initial state.
     ///
     /// # Errors
     ///
-    /// As for [`new`](Self::new).
+    /// See [`new`](Self::new).
     pub fn for_one_robot<E: Engine>(
         config: &RandomiseConfig,
         simulation: &Simulation<E>,
@@ -92,8 +93,9 @@ impl Draws {
         &self.quantities
     }
 
-    /// Returns the value of each quantity in an episode with this seed. Within an episode, `number` counts
-    /// the samples of the properties that [vary in time](Quantity::varies_in_time), from 0 at its start.
+    /// Returns the value of each quantity in an episode with this seed, in the order of
+    /// [`quantities`](Self::quantities). Properties that [vary in time](Quantity::varies_in_time) are sampled
+    /// again within an episode; `number` is the index of the sample, from 0.
     pub fn values(&self, seed: u64, number: u64) -> Vec<f64> {
         let value = |quantity: &Quantity| {
             let number = if quantity.varies_in_time() { number } else { 0 };
@@ -102,7 +104,7 @@ impl Draws {
         self.quantities.iter().map(value).collect()
     }
 
-    /// Returns the start of an episode with these [values](Self::values).
+    /// Returns the start of an episode with these sampled [values](Self::values).
     ///
     /// # Panics
     ///
@@ -113,7 +115,7 @@ impl Draws {
         scene.varied(&self.quantities, values)
     }
 
-    /// Samples the start of an episode: [`apply`](Self::apply) to [`values`](Self::values).
+    /// Samples the start of an episode. Same as [`apply`](Self::apply) to [`values`](Self::values).
     pub fn draw(&self, seed: u64, number: u64) -> Start {
         self.apply(&self.values(seed, number))
     }

@@ -9,34 +9,34 @@ use super::robot::RandomisedRobot;
 use super::share::shares;
 use crate::Properties;
 
-/// A physical property with a range.
+/// A physical property that can be sampled from a range.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Property {
-    /// Factor on gravity.
+    /// Scale of gravity.
     Gravity,
-    /// Factor on the friction of the ground or the terrain.
+    /// Scale of the friction of the ground or the terrain.
     GroundFriction,
     /// Restitution of the ground or the terrain.
     GroundRestitution,
     /// Seed of the terrain.
     TerrainSeed,
-    /// Factor on the heights of the terrain.
+    /// Scale of the heights of the terrain.
     TerrainScale,
-    /// Factor on the mass and the inertia of a floating base.
+    /// Scale of the mass and inertia of a floating base.
     BaseMass,
-    /// Factor on the mass and the inertia of a body.
+    /// Scale of the mass and inertia of a body.
     BodyMass,
-    /// Factor on the friction of a robot's surface.
+    /// Scale of the friction of a robot's surface.
     Friction,
     /// Restitution of a robot's surface.
     Restitution,
-    /// Factor on the viscous damping of a joint.
+    /// Scale of the viscous damping of a joint.
     Damping,
-    /// Factor on the Coulomb friction of a joint.
+    /// Scale of the Coulomb friction of a joint.
     JointFriction,
-    /// Factor on the effort limit of a joint.
+    /// Scale of the effort limit of a joint.
     EffortLimit,
-    /// Offset of a joint's initial position, rad or m.
+    /// Displacement of a joint's initial position, rad or m.
     Start,
     /// Initial displacement of a floating base along x of the world, m.
     BaseX,
@@ -46,9 +46,9 @@ pub enum Property {
     BaseZ,
     /// Initial rotation of a floating base about z of the world, rad.
     BaseYaw,
-    /// Factor on the mass and the inertia of an object.
+    /// Scale of the mass and inertia of an object.
     ObjectMass,
-    /// Factor on the friction of an object.
+    /// Scale of the friction of an object.
     ObjectFriction,
     /// Restitution of an object.
     ObjectRestitution,
@@ -60,40 +60,39 @@ pub enum Property {
     ObjectZ,
     /// Initial rotation of an object about z of the world, rad.
     ObjectYaw,
-    /// Factor on the stiffness and the damping commanded to a drive.
+    /// Scale of the stiffness and damping commanded to a drive.
     ActuatorGain,
-    /// Factor on all efforts of a drive and on its effort limit.
+    /// Scale of all efforts of a drive and of its effort limit.
     ActuatorStrength,
-    /// Factor on the delay of an actuator.
+    /// Scale of the delay of an actuator.
     ActuatorDelay,
-    /// Factor on the lag of an actuator.
+    /// Scale of the lag of an actuator.
     ActuatorLag,
-    /// Factor on the rate limit of an actuator.
+    /// Scale of the rate limit of an actuator.
     ActuatorRateLimit,
-    /// Factor on the backlash of a drivetrain.
+    /// Scale of the backlash of a drivetrain.
     ActuatorBacklash,
-    /// Factor on the stiffness of a drivetrain.
+    /// Scale of the stiffness of a drivetrain.
     ActuatorStiffness,
 }
 
-/// One sampled number: a property of a part.
+/// One sampled number: a property of a body, joint, object, robot or world.
 #[derive(Clone, Debug)]
 pub struct Quantity {
-    /// The property.
+    /// Sampled property.
     pub property: Property,
-    /// Index of the body, joint or object in its robot or world; 0 for properties of a whole robot or world.
+    /// Index of the body, joint or object in its robot or world; 0 for a property of a whole robot or world.
     pub part: usize,
-    /// Key in the `randomise` table and the name of the part, such as `mass`, `link`.
+    /// Keys in the `randomise` table, followed by the name of the part, such as `mass`, `link`.
     pub path: Vec<String>,
-    /// Range of the value.
+    /// Range from which the value is sampled.
     pub interval: Interval,
     /// Index of the robot; `None` for the world.
     pub robot: Option<usize>,
 }
 
 impl Quantity {
-    /// Returns `true` for a property that may change within an episode, which excludes starts, objects and
-    /// terrain.
+    /// Returns `true` if the property may change within an episode. Starts, objects and terrain do not.
     pub fn varies_in_time(&self) -> bool {
         let once = Property::Start..=Property::ObjectYaw;
         !once.contains(&self.property)
@@ -138,9 +137,9 @@ pub(super) fn quantities(
             return Err(RangeError::new("every", "0 s, expected a time above 0"));
         }
         if !list.0.iter().any(Quantity::varies_in_time) {
-            let message = "nothing that may change within an episode is sampled";
+            let message = "no sampled property may change within an episode";
             return Err(RangeError::new("every", message)
-                .advise("starts, objects and the terrain are sampled once per episode: leave it out"));
+                .advise("starts, objects and the terrain are sampled once per episode; remove `every`"));
         }
     }
     Ok(list.0)
@@ -196,8 +195,8 @@ fn of_objects(config: &RandomiseConfig, nominal: &Properties, list: &mut List) -
             let names: Vec<_> = objects.iter().map(|object| object.name.as_str()).collect();
             let message = format!("the world has no object `{name}`");
             let advice = match names.as_slice() {
-                [] => "it has none: add `objects` to the world".to_owned(),
-                names => format!("it has: {}", names.join(", ")),
+                [] => "add `objects` to the world, which has none".to_owned(),
+                names => format!("use one of its objects: {}", names.join(", ")),
             };
             return Err(RangeError::new(key, message).advise(advice));
         };
@@ -236,9 +235,11 @@ pub(crate) fn check_ties<'c>(
         });
         if let Some(name) = drawn {
             let [first, second] = &connection.parts;
-            let message = format!("a connection ties `{first}` to `{second}` in their start poses");
+            let message = format!(
+                "the initial pose cannot be sampled, because a connection holds `{first}` and `{second}` in their initial poses"
+            );
             return Err(RangeError::new(format!("objects.{name}"), message)
-                .advise("sample its mass, friction or restitution, and leave out its start"));
+                .advise("sample its mass, friction or restitution instead"));
         }
     }
     Ok(())
@@ -258,8 +259,8 @@ fn of_robot(
             let written = config.key_of_robot(name, key);
             interval.check(&written, allowed)?;
             if parts.is_empty() {
-                let message = format!("nothing to sample: no part of robot `{}` has it", model.name());
-                return Err(RangeError::new(written, message).advise("leave it out"));
+                let message = format!("robot `{}` has nothing with this property", model.name());
+                return Err(RangeError::new(written, message).advise("remove the range"));
             }
             if property > Property::ActuatorStrength {
                 check_ends(&written, (property, interval), &parts, actuators)?;
@@ -336,8 +337,7 @@ fn check_ends(
             vary(&mut settings, property, factor);
             settings.check().map_err(|error| {
                 let message = format!("with the factor {factor}, the actuator of joint `{name}` has {error}");
-                RangeError::new(key, message)
-                    .advise("choose a smaller factor, or another value of the actuator")
+                RangeError::new(key, message).advise("change the range, or the setting of the actuator")
             })?;
         }
     }
@@ -361,8 +361,8 @@ fn of_base(
         let Some(interval) = interval else { continue };
         let written = format!("base.{key}");
         if !robots.iter().any(floats) {
-            let message = "a displacement of a base that is fixed to the world";
-            return Err(RangeError::new(written, message).advise("leave it out"));
+            let message = "no robot has a floating base, so no base can be displaced";
+            return Err(RangeError::new(written, message).advise("remove the range"));
         }
         interval.check(&written, Allowed::Displacement)?;
         if !floats(&robots[index]) {

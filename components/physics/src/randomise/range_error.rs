@@ -6,9 +6,9 @@
 pub struct RangeError {
     /// Dotted key in the `randomise` table.
     pub key: String,
-    /// The found and the expected values.
+    /// Actual and expected values.
     pub message: String,
-    /// Advice, if any.
+    /// Suggested action.
     pub advice: Option<String>,
 }
 

@@ -2,10 +2,11 @@
 
 use motorium_robots::Model;
 
-/// A robot whose properties are sampled.
+/// A robot of a simulation whose properties are sampled.
 #[derive(Clone, Debug)]
 pub struct RandomisedRobot {
-    /// Name of the robot, if there are several. Its links then start with `NAME/` in the simulation.
+    /// Name of the robot if there are several. The names of its links then start with `NAME/` in the
+    /// simulation.
     pub name: Option<String>,
     /// Index of the articulation that contains the robot.
     pub articulation: usize,

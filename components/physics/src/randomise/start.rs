@@ -14,20 +14,20 @@ pub(super) struct Scene<'a> {
     pub(super) q: &'a [f64],
 }
 
-/// The start of an episode: properties and configuration with the samples applied.
+/// Sampled start of an episode: physical properties and initial configuration.
 #[derive(Clone, Debug)]
 pub struct Start {
     /// Physical properties, for [`reset_with`](crate::Simulator::reset_with).
     pub properties: Properties,
-    /// Configuration (nq), without `lifts`.
+    /// Initial configuration (nq), without `lifts`.
     pub q: Vec<f64>,
-    /// Vertical displacement of each articulation's floating base, applied after it is placed on the ground
-    /// \[m\].
+    /// Vertical displacement \[m\] of the floating base of each articulation. It is applied after the base is
+    /// placed on the ground.
     pub lifts: Vec<f64>,
-    /// True if the posture, the pose of a base or the terrain differs from the nominal one: a base on the
+    /// `true` if the posture, the pose of a base or the terrain differs from the nominal one. A base on the
     /// ground must then be placed again.
     pub moved: bool,
-    /// Per articulation and joint: factors of the gains commanded to the drive and of its strength.
+    /// Scales of the commanded gains and of the strength, per articulation and drive.
     pub drives: Vec<Vec<[f64; 2]>>,
 }
 

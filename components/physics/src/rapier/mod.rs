@@ -34,7 +34,7 @@ use scene::{Scene, SceneState};
 use shapes::PairTable;
 use shapes::collider_shape;
 
-/// A robot with a fixed base in a world, simulated by the [`Rapier`] engine.
+/// Simulates robots with fixed bases in a world with the [`Rapier`] engine.
 pub type RapierSimulator = Simulation<Rapier>;
 
 /// The rapier engine.
@@ -44,8 +44,8 @@ pub type RapierSimulator = Simulation<Rapier>;
 ///
 /// Robots with a floating base are rejected. The robot's base is at the origin of the world. Continuous
 /// collision detection is off: at 1 kHz nothing slower than 5 m/s passes through 5 mm. Rapier has no effort
-/// limits. A drive counts as saturated if it would be without contacts, or if the last step pushed it beyond
-/// its limit; an impact may therefore exceed the limit for one step.
+/// limits. A drive counts as saturated if it would exceed its limit without contacts, or if the last step
+/// pushed it beyond its limit. An impact may therefore exceed the limit for one step.
 pub struct Rapier {
     options: Options,
     colliders: Colliders,
@@ -65,7 +65,7 @@ pub struct Rapier {
     dt: f64,
 }
 
-/// The state of a [`Rapier`] engine that later steps depend on.
+/// Snapshot of all [`Rapier`] engine state that affects later steps.
 pub struct RapierState {
     scene: SceneState,
     modes: Vec<Mode>,
@@ -116,7 +116,7 @@ impl Engine for Rapier {
         }
         if options.substeps != 1 {
             let (value, expected) =
-                (options.substeps as f64, "1: rapier always runs `contact_iterations` steps");
+                (options.substeps as f64, "1, because rapier always runs `contact_iterations` steps");
             return Err(BuildError::Option { name: "substeps", value, expected });
         }
         let colliders = Colliders::new(setups, world, options, warnings);
@@ -282,8 +282,8 @@ impl Rapier {
 }
 
 impl Simulation<Rapier> {
-    /// Runs every call of rapier's pipeline inside `enclose`, which must execute it, for example to count its
-    /// allocations separately.
+    /// Runs every call into rapier's pipeline inside `enclose`, which must execute the call it receives. It
+    /// can, for example, count the allocations of rapier separately.
     pub fn enclose_rapier(&mut self, enclose: Enclose) {
         self.engine.scene.set_enclosure(enclose);
     }

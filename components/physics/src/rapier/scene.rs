@@ -19,7 +19,7 @@ use crate::air::Air;
 use crate::contact::Collider;
 use crate::{Contact, World};
 
-/// A function that executes the call it receives, such as one that counts its allocations separately.
+/// A function that executes the call it receives, for example to count its allocations separately.
 pub type Enclose = fn(&mut dyn FnMut());
 
 /// Returns rapier's combine rule for the friction of a collider. Rapier orders its rules like

@@ -152,15 +152,15 @@ fn incompatible_parts_are_rejected_by_object_name() {
     let sphere = || ObjectShape::Sphere { radius: 0.1 };
     let of = |parts: Vec<CompoundPart>| Object { shape: ObjectShape::Compound(parts), ..dumbbell() };
     let none = refuse(of(Vec::new()));
-    assert!(none.contains("dumbbell: a compound has from 1 to 64 parts"), "{none}");
+    assert!(none.contains("dumbbell: a compound must have from 1 to 64 parts"), "{none}");
     let some = refuse(of(vec![part(sphere(), [0.0; 3], Some(1.0)), part(sphere(), [0.1; 3], None)]));
     assert!(some.contains("some of its parts have a mass"), "{some}");
     let nothing = refuse(of(vec![part(sphere(), [0.0; 3], Some(0.0))]));
-    assert!(nothing.contains("the masses of its parts are zero"), "{nothing}");
+    assert!(nothing.contains("the masses of all its parts are zero"), "{nothing}");
     let both = refuse(Object { density: Some(1.0), ..dumbbell() });
     assert!(both.contains("`density`"), "{both}");
     let nested = refuse(of(vec![part(dumbbell().shape, [0.0; 3], None)]));
-    assert!(nested.contains("a part is a compound itself"), "{nested}");
+    assert!(nested.contains("a part of a compound is itself a compound"), "{nested}");
     let flat = refuse(of(vec![part(ObjectShape::Sphere { radius: -1.0 }, [0.0; 3], None)]));
     assert!(flat.contains("`radius` is -1"), "{flat}");
 }

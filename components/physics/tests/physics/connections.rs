@@ -244,7 +244,7 @@ fn impossible_connections_are_rejected() {
     let mut bars =
         ArticulatedSimulator::new(linkage(), World::default(), &[0.0; 3], Options::default()).unwrap();
     let words = bars.attach("coupler", "rockr").unwrap_err().to_string();
-    assert_eq!(words, "no link or object is called \"rockr\" (did you mean \"rocker\"?)");
+    assert_eq!(words, "there is no link or object \"rockr\" (did you mean \"rocker\"?)");
     assert!(matches!(bars.attach("base", "world"), Err(ConnectError::Rigid { .. })));
     let nowhere = Connection { point: [f64::NAN, 0.0, 0.0], ..pin() };
     assert!(matches!(bars.connect(&nowhere), Err(ConnectError::Point(_))));

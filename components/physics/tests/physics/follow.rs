@@ -263,7 +263,7 @@ fn check_reports_that_a_follower_is_not_an_actuator() {
     let checked = twin("physics.articulated", "").with(waving(u64::MAX)).check().unwrap();
     let twin = component(&checked, "twin");
     assert!(!twin.actuator);
-    assert!(matches!(&twin.notes[..], [note] if note.contains("no actuator")), "{:?}", twin.notes);
+    assert!(matches!(&twin.notes[..], [note] if note.contains("without actuator")), "{:?}", twin.notes);
     let checked = live_and_twin("physics.articulated").check().unwrap();
     let live = component(&checked, "live");
     assert!(live.actuator && live.notes.is_empty(), "{:?}", live.notes);
@@ -304,7 +304,7 @@ fn invalid_follow_settings_are_rejected_before_the_run() {
     let never = refused("config = { follow_stale_after = \"0 ms\" }\n");
     assert!(never.contains("`twin.config.follow_stale_after`: 0, expected a time"), "{never}");
     let plant = refused("config = { plant = true }\n");
-    assert!(plant.contains("simulated drives of a robot that follows"), "{plant}");
+    assert!(plant.contains("so no robot has simulated drives"), "{plant}");
     // A fixed base has no state to follow.
     let base = twin("physics.articulated", "").set("component.twin.subscribe.follow_base", "arm/base");
     let source = Source::new("base", "arm/base", |_| None::<BaseState>);

@@ -117,9 +117,9 @@ fn grain_without_direction_is_rejected() {
         World { objects: vec![Object { grain, ..plank(0.0) }], ..World::default() }
     };
     let words = Engine::Articulated.refuse(world([0.0; 3]));
-    assert_eq!(words, "plank: `grain.direction` is 0, expected a vector of a length above 0");
+    assert_eq!(words, "plank: `grain.direction` is 0, expected a vector of nonzero length");
     for engine in engines().filter(|engine| *engine != Engine::Articulated) {
         let words = engine.refuse(world([1.0, 0.0, 0.0]));
-        assert!(words.contains("simulates no friction that differs by direction"), "{words}");
+        assert!(words.contains("simulates no direction-dependent friction"), "{words}");
     }
 }

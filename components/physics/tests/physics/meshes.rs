@@ -388,7 +388,7 @@ fn unsupported_mesh_settings_are_rejected_by_name() {
     if has_mujoco() {
         let refused = Engine::Mujoco.refuse(World { objects: vec![flat()], ..World::default() });
         assert!(
-            refused.contains("MuJoCo") && refused.contains("triangles of a mesh") && refused.contains("hall"),
+            refused.contains("MuJoCo") && refused.contains("triangle collision") && refused.contains("hall"),
             "{refused}"
         );
     }

@@ -381,14 +381,15 @@ fn a_library_that_is_not_there_is_named_with_what_to_install() {
         String::from_utf8(child.output().unwrap().stdout).unwrap()
     };
     let elsewhere = answer(Some("/no/such/folder"));
-    let expected = "MOTORIUM_MUJOCO is `/no/such/folder`, where there is no `libmujoco.so.3.17.0`";
+    let expected =
+        "MOTORIUM_MUJOCO is set to `/no/such/folder`, which does not contain `libmujoco.so.3.17.0`";
     assert!(elsewhere.contains(expected) && elsewhere.contains("pip install mujoco==3.17.0"), "{elsewhere}");
     if !Path::new("/usr/lib/libmujoco.so.3.17.0").exists()
         && !Path::new("/usr/local/lib/libmujoco.so.3.17.0").exists()
     {
         let missing = answer(None);
         assert!(
-            missing.contains("`libmujoco.so.3.17.0` was not found; install it by `pip install"),
+            missing.contains("`libmujoco.so.3.17.0` was not found; install it with `pip install"),
             "{missing}"
         );
     }

@@ -264,14 +264,19 @@ fn a_random_start_keeps_the_feet_on_the_ground() {
 fn impossible_ranges_are_rejected_at_their_position() {
     let line = |text: &str, part: &str| text[..text.find(part).unwrap()].lines().count();
     for (robot, ranges, expected, at) in [
-        ("quadruped", "mass = [1.2, 0.8]", "the lowest value comes first", "mass"),
+        ("quadruped", "mass = [1.2, 0.8]", "expected the lower value first", "mass"),
         ("quadruped", "mass = [0.0, 1.0]", "factors from 0.001 to 100", "mass"),
         ("quadruped", "restitution = [0.5, 1.5]", "numbers from 0 to 1", "restitution"),
         ("quadruped", "friction = [-0.5, 1.0]", "factors from 0 to 100", "friction"),
         ("quadruped", "gravity = [1.0]", "found 1 value, expected a list of 2", "gravity"),
-        ("quadruped", "objects = { cub = { mass = [1.0, 2.0] } }", "it has: cube, wall", "cub"),
+        (
+            "quadruped",
+            "objects = { cub = { mass = [1.0, 2.0] } }",
+            "use one of its objects: cube, wall",
+            "cub",
+        ),
         ("quadruped", "objects = { wall = { mass = [1.0, 2.0] } }", "`wall` has no mass", "wall"),
-        ("rrbot", "base = { x = [0.0, 1.0] }", "fixed to the world", "base"),
+        ("rrbot", "base = { x = [0.0, 1.0] }", "no robot has a floating base", "base"),
         (
             "quadruped",
             "robots = { two = { mass = [1.0, 2.0] } }",
@@ -279,7 +284,7 @@ fn impossible_ranges_are_rejected_at_their_position() {
             "two",
         ),
         ("quadruped", "masses = [1.0, 2.0]", "masses", "masses"),
-        ("pendulum", "damping = [1.0, 2.0]", "no part of robot `pendulum` has it", "damping"),
+        ("pendulum", "damping = [1.0, 2.0]", "robot `pendulum` has nothing with this property", "damping"),
     ] {
         let text = text(robot, &format!("[component.physics.config.randomise]\n{ranges}"), "");
         let place = line(&text, ranges) + 1;
@@ -349,7 +354,7 @@ config = { offset = 0.0, until = 0, stiffness = 1.0 }
     let wrong =
         text.replace("robots = { left = { mass = [2.0, 2.0]", "robots = { left = { mass = [3.0, 2.0]");
     let error = check(wrong).map(|_| ()).unwrap_err().render(false);
-    assert!(error.contains("the lowest value comes first") && error.contains("write [2, 3]"), "{error}");
+    assert!(error.contains("expected the lower value first") && error.contains("write [2, 3]"), "{error}");
 }
 
 #[test]
@@ -394,5 +399,5 @@ fn graph_actuators_change_motion_or_are_rejected() {
     let rapier =
         text("rrbot", "actuator = { lag = \"1 ms\" }", "").replace("physics.articulated", "physics.rapier");
     let error = check(rapier).map(|_| ()).unwrap_err().render(false);
-    assert!(error.contains("ideal drives only") && error.contains("lag"), "{error}");
+    assert!(error.contains("only ideal actuators") && error.contains("lag"), "{error}");
 }

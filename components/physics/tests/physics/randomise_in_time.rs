@@ -227,7 +227,7 @@ fn start_of_a_connected_object_is_not_sampled() {
         for key in ["x", "y", "z", "yaw"] {
             let refused = tied(&format!("{{ {key} = [-0.2, 0.2] }}"), by).unwrap_err();
             assert!(
-                refused.contains("ties `cube` to `world` in their start poses"),
+                refused.contains("holds `cube` and `world` in their initial poses"),
                 "{by}, {key}: {refused}"
             );
         }

@@ -3,7 +3,7 @@
 use crate::channel::Timing;
 use crate::randomise::SensorRanges;
 
-/// Delivery and randomisation of the readings of a sensor.
+/// Settings that all sensors share: delivery and randomisation of the readings.
 #[derive(Clone, Copy, Debug)]
 pub struct Common<'a> {
     pub(super) timing: Timing,
@@ -17,8 +17,8 @@ pub trait SensorConfig {
     fn common(&self) -> Common<'_>;
 }
 
-/// Defines the configuration of a sensor: its own keys with their defaults, and the keys that all sensors
-/// have.
+/// Defines the configuration of a sensor: its individual keys with their defaults, and the keys that all
+/// sensors share.
 macro_rules! sensor_config {
     (
         $(#[$meta:meta])*
@@ -31,7 +31,7 @@ macro_rules! sensor_config {
         #[serde(deny_unknown_fields, default)]
         pub struct $name {
             $( $(#[$field_meta])* pub $field: $type, )*
-            /// Time from sampling until the reading is available. Default 0.
+            /// Delay from sampling until the reading is available. Default 0.
             pub latency: motorium::prelude::TimeSpan,
             /// Fraction of the readings that are dropped, 0 to 1. Default 0.
             pub drop_out: f64,

@@ -30,7 +30,7 @@ sensor_config! {
 
     /// Errors of the force, N.
     force: ErrorModel = ErrorModel::default();
-    /// Force from which a foot is in contact, N. Default 1.
+    /// Force at or above which contact starts, N. Default 1.
     on: f64 = 1.0;
     /// Force below which contact ends, N. Default 0.5.
     off: f64 = 0.5;
@@ -45,8 +45,8 @@ impl ContactConfig {
 
 /// A component that publishes the readings of the contact sensors of a robot's feet.
 ///
-/// The force on a foot is the magnitude of the sum of all contact forces on the links fixed to its frame.
-/// Forces between links of the robot are excluded.
+/// The force on a foot is the magnitude of the sum of all contact forces on the links that are rigidly fixed
+/// to the foot's frame. Forces between links of the robot are excluded.
 pub struct FootContactSensor {
     contacts: Input<Contacts>,
     feet: Output<FootContacts>,

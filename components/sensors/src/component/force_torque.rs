@@ -13,8 +13,8 @@ use super::readings::refused;
 use crate::channel::{Channel, ErrorModel, SettingError};
 use crate::randomise::{SensorDraw, SensorRanges};
 
-/// Configuration of `sensor.force_torque`. Everything except `link` has a default: an ideal sensor at the
-/// origin of the link.
+/// Configuration of `sensor.force_torque`. `link` is required; the defaults of the other keys are an ideal
+/// sensor at the origin of the link.
 ///
 /// ```toml
 /// link    = "panda_hand"
@@ -25,13 +25,14 @@ use crate::randomise::{SensorDraw, SensorRanges};
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ForceTorqueConfig {
-    /// Link carried by the sensor. The sensor is between this link and its parent, at a moving or fixed
-    /// joint.
+    /// Link carried by the sensor. The sensor is in the joint between this link and its parent, which may
+    /// move or be fixed.
     pub link: String,
     /// Position of the sensor in the frame of the link (m). Default: its origin.
     #[serde(default)]
     pub position: [f64; 3],
-    /// Orientation of the sensor there: roll, pitch, yaw about the fixed axes x, y, z, in this order (rad).
+    /// Orientation of the sensor in the frame of the link: roll, pitch, yaw about the fixed axes x, y, z, in
+    /// this order (rad).
     #[serde(default)]
     pub rpy: [f64; 3],
     /// Errors of the force, N.
@@ -40,7 +41,7 @@ pub struct ForceTorqueConfig {
     /// Errors of the torque, N m.
     #[serde(default)]
     pub torque: ErrorModel,
-    /// Time from sampling until the reading is available. Default 0.
+    /// Delay from sampling until the reading is available. Default 0.
     #[serde(default)]
     pub latency: TimeSpan,
     /// Fraction of the readings that are dropped, 0 to 1. Default 0.
@@ -84,7 +85,7 @@ impl ForceTorqueConfig {
         if model.frames()[link.index()].parent.is_none() {
             return Err(ConfigError::key(
                 "link",
-                format!("`{}` is the root, which no link carries", self.link),
+                format!("`{}` is the root link, which has no parent to mount the sensor on", self.link),
             )
             .advise("name the first link beyond the sensor, such as the hand"));
         }
@@ -99,11 +100,11 @@ impl ForceTorqueConfig {
     }
 }
 
-/// A component that publishes the readings of a force-torque sensor within a robot.
+/// A component that publishes the readings of a force-torque sensor between two links of a robot.
 ///
-/// A reading is the mean wrench, since the last sample, that the robot exerts through the sensor on
-/// everything it carries. At rest this is the carried weight, upwards. The reference point is the sensor's
-/// origin and the axes are the sensor's axes, both in the middle of the interval.
+/// A reading is the wrench that the robot exerts through the sensor on everything it carries, averaged since
+/// the last sample. At rest this is the carried weight, upwards. The wrench is expressed in the sensor's axes
+/// about the sensor's origin, both at the middle of the interval.
 pub struct ForceTorque {
     loads: TrueLoads,
     wrench: Output<Wrench>,
@@ -132,7 +133,7 @@ impl Component for ForceTorque {
         if carried(&model, link) == 0.0 {
             declare
                 .warn(format!(
-                    "`{}` and the links it carries have no mass: the sensor reads contacts only",
+                    "`{}` and the links it carries have no mass, so the sensor measures only contact forces",
                     config.link
                 ))
                 .key("link");

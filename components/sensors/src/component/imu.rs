@@ -30,7 +30,7 @@ sensor_config! {
     gyroscope: ErrorModel = ErrorModel::default();
     /// Errors of the specific force, m/s^2.
     accelerometer: ErrorModel = ErrorModel::default();
-    /// Standard deviation of the orientation, about each axis, rad. Default 0.
+    /// Standard deviation of the orientation noise about each axis, rad. Default 0.
     orientation_noise: f64 = 0.0;
     /// Gravitational acceleration (m/s^2). Default: the value in the graph's `[world]`, else standard
     /// gravity.
@@ -54,8 +54,8 @@ impl ImuConfig {
 
 /// A component that publishes the readings of an inertial measurement unit on a robot.
 ///
-/// It samples the true motion at its own rate or on its trigger. A reading is the mean since the previous
-/// sample.
+/// It samples the true motion at its own rate or on its trigger. A reading is the mean over the time since
+/// the previous sample.
 pub struct Imu {
     motion: TrueMotion,
     drawn: Drawn,

@@ -35,8 +35,9 @@ impl JointTorqueConfig {
 
 /// A component that publishes the readings of torque sensors on the output side of a robot's joints.
 ///
-/// A reading is the mean transmitted torque about the joint axis (or force along it) since the previous
-/// sample. Friction, damping and inertia of the drive are on the other side of the sensor.
+/// A reading is the transmitted torque about the joint axis (or force along it), averaged since the previous
+/// sample. Friction, damping and inertia of the drive act on the other side of the sensor and are not
+/// measured.
 pub struct JointTorque {
     loads: TrueLoads,
     measured: Output<JointState>,

@@ -21,17 +21,18 @@ use serde::Deserialize;
 #[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct JointMergeConfig {
-    /// The publishers: each is an input of this name. Together they have every joint of the robot once.
+    /// Publishers by input name. Together they must have every joint of the robot exactly once.
     pub parts: BTreeMap<String, PartConfig>,
 }
 
-/// A part of the joints, measured by one publisher.
+/// A group of joints measured by one publisher.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PartConfig {
-    /// Names of its joints, in the order of its joint states.
+    /// Names of the joints, in the order of the publisher's joint states.
     pub joints: Vec<String>,
-    /// Maximum age of the oldest joint state; beyond it nothing is published. Default 20 ms.
+    /// Maximum age of a joint state. Nothing is published while the state of any part is older. Default 20
+    /// ms.
     #[serde(default = "stale_after")]
     pub stale_after: TimeSpan,
 }
@@ -43,13 +44,13 @@ fn stale_after() -> TimeSpan {
 /// A component that merges joint states from several publishers (buses, or a gripper and an arm) in the order
 /// of the robot's joints.
 ///
-/// It publishes once per step while the state of every part is fresh. When one part stops, so does the merged
-/// state, and its consumers enter their safe state as if the sensor were missing. The result counts these
+/// It publishes once per step while the states of all parts are fresh. When one part stops, the merged state
+/// stops too, and its consumers enter their safe state as if the sensor were missing. The result counts these
 /// steps per part.
 ///
-/// Publishers may have different rates. Each step uses the newest state of every part, so the state of a slow
-/// publisher appears in several merged states. The source time of a merged state is the oldest among its
-/// parts.
+/// Publishers may have different rates. Each step uses the newest state of every part, so a state of a slow
+/// publisher appears in several merged states. The source time of a merged state is the oldest source time
+/// among its parts.
 pub struct JointMerge {
     parts: Vec<Part>,
     merged: Output<JointState>,
@@ -122,7 +123,9 @@ impl Component for JointMerge {
             let Some(state) = part.input.current() else { continue };
             part.oldest_ns = part.oldest_ns.max(now_ns.saturating_sub(state.stamp().source_time));
             if state.count() != part.joints.len() {
-                return Err(StepError::failed("a part has a different number of joints than its list"));
+                return Err(StepError::failed(
+                    "the joint state of a part has a different number of joints than its list `joints`",
+                ));
             }
             for (from, to) in part.joints.iter().enumerate() {
                 merged.position_mut()[*to] = state.position()[from];
@@ -192,7 +195,7 @@ fn places(config: &JointMergeConfig, names: &[String]) -> Result<Vec<Vec<usize>>
                 );
             };
             if let Some(other) = owners[place].replace(part) {
-                let message = format!("joint `{joint}` is measured by `{other}` already");
+                let message = format!("joint `{joint}` is already measured by `{other}`");
                 return Err(ConfigError::key(key(), message));
             }
             own.push(place);
@@ -262,7 +265,7 @@ mod tests {
     #[test]
     fn every_joint_is_in_exactly_one_part() {
         for (arm, gripper, expected) in [
-            (&["joint1", "joint2"][..], &["joint2", "joint3"][..], "`joint2` is measured by `arm` already"),
+            (&["joint1", "joint2"][..], &["joint2", "joint3"][..], "`joint2` is already measured by `arm`"),
             (&["joint1"], &["joint2"], "no part measures joint `joint3`"),
             (&["joint1", "jiont2"], &["joint3"], "no joint `jiont2`"),
         ] {

@@ -39,7 +39,7 @@ impl Readings {
             let period = TimeSpan { ns: period.as_nanos() as u64 };
             declare.warn(format!("a latency of {latency} is shorter than the period")).key("latency").advise(
                 format!(
-                    "readings are published in steps, {period} late: set this latency, or raise the rate"
+                    "readings are published once per step, {period} late; set this latency, or raise the rate"
                 ),
             );
         }
@@ -105,8 +105,8 @@ fn frames(timing: &Timing, width: usize, period: Duration) -> Result<u64, Config
     let most = MOST.min(MOST_NUMBERS / width.max(1) as u64);
     if frames > most {
         let message =
-            format!("a latency of {} holds {frames} readings, at most {most} are possible", timing.latency);
-        return Err(ConfigError::key("latency", message).advise("is it meant to be ms?"));
+            format!("a latency of {} delays {frames} readings, expected at most {most}", timing.latency);
+        return Err(ConfigError::key("latency", message).advise("check the unit; is it meant to be ms?"));
     }
     Ok(period_ns)
 }

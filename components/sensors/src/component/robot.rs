@@ -50,12 +50,13 @@ const WORLD: &str = "world";
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Mount {
-    /// Link that carries the sensor; `world` for a fixed mount, on a robot without a link of this name.
-    /// Default: the root link.
+    /// Link on which the sensor is mounted. `world` is a mount fixed in the world, unless the robot has a
+    /// link of this name. Default: the root link.
     pub frame: Option<String>,
     /// Position of the sensor in the frame of the link (m). Default: its origin.
     pub position: [f64; 3],
-    /// Orientation of the sensor there: roll, pitch, yaw about the fixed axes x, y, z, in this order (rad).
+    /// Orientation of the sensor in the frame of the link: roll, pitch, yaw about the fixed axes x, y, z, in
+    /// this order (rad).
     pub rpy: [f64; 3],
 }
 

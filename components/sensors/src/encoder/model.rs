@@ -8,7 +8,7 @@ use crate::delay::DelayLine;
 use crate::noise::{DROP_OUTS, Noise};
 use crate::randomise::SensorDraw;
 
-/// The joint sensors of a robot.
+/// Model of a robot's joint sensors.
 ///
 /// Every [`sample`](Self::sample) reads each joint's position, velocity and effort with the errors of a
 /// [`Channel`]. Alternatively, the velocity is differentiated from the position readings. Some readings are
@@ -36,10 +36,10 @@ enum Velocity {
     Differentiated { cutoff_hz: f64, position: Vec<f64>, estimate: Vec<f64> },
 }
 
-/// The times of a joint state, ns.
+/// Times of a joint state, ns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StateTimes {
-    /// Time of the state.
+    /// Run time of the state.
     pub state: u64,
     /// Source time: the time of measurement in the state's stamp.
     pub source: u64,
@@ -48,7 +48,7 @@ pub struct StateTimes {
 /// One reading of all sensors, in the order of the joints.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reading<'a> {
-    /// Time of the sampling, ns.
+    /// Time at which the state was sampled, ns.
     pub sampled_at: u64,
     /// Source time of the sampled state, as passed to [`sample_state`](EncoderModel::sample_state), ns.
     pub source: u64,
@@ -60,19 +60,19 @@ pub struct Reading<'a> {
     pub effort: &'a [f64],
 }
 
-/// A joint state that cannot be sampled.
+/// The size of a joint state differs from the number of joints of the encoder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "the joint state has {position} positions, {velocity} velocities and {effort} efforts, the encoder {joints} joints"
+    "the joint state has {position} positions, {velocity} velocities and {effort} efforts, expected {joints} of each"
 )]
 pub struct SampleError {
-    /// Positions found.
+    /// Number of positions found.
     pub position: usize,
-    /// Velocities found.
+    /// Number of velocities found.
     pub velocity: usize,
-    /// Efforts found.
+    /// Number of efforts found.
     pub effort: usize,
-    /// Joints of the encoder.
+    /// Number of joints of the encoder.
     pub joints: usize,
 }
 
@@ -81,7 +81,7 @@ const MOST_FRAMES: u64 = 100_000;
 
 impl EncoderModel {
     /// Creates sensors for `joints` joints, sampled at least `shortest_period` apart. `seed` seeds the noise
-    /// unless the settings have a seed.
+    /// if the settings have no seed.
     ///
     /// # Errors
     /// A list has the wrong length, a number is out of range, or the latency exceeds 100,000 periods.
@@ -94,7 +94,7 @@ impl EncoderModel {
         Self::drawn(joints, settings, &SensorDraw::none(settings.latency), seed, shortest_period)
     }
 
-    /// Creates the encoder with noise, biases and latency sampled for an episode.
+    /// Creates sensors with the noise, biases and latency sampled for an episode.
     ///
     /// # Errors
     /// Same as [`new`](Self::new).
@@ -159,8 +159,8 @@ impl EncoderModel {
         self.sample_state(time_ns, StateTimes { state: time_ns, source: time_ns }, q, v, tau)
     }
 
-    /// Like [`sample`](Self::sample), with the times of the state: its run time and its source time.
-    /// Velocities are differentiated over the run time, which does not jitter like the time of sampling.
+    /// Like [`sample`](Self::sample), with the run time and the source time of the state. Velocities are
+    /// differentiated over the run time, which is free of sampling jitter.
     ///
     /// # Errors
     /// Same as [`sample`](Self::sample).
@@ -212,7 +212,7 @@ impl EncoderModel {
         Ok(())
     }
 
-    /// Returns the newest reading available at a time (ns); `None` until the latency has passed once.
+    /// Returns the newest reading available at a time (ns); `None` before the first reading is due.
     pub fn reading(&mut self, now_ns: u64) -> Option<Reading<'_>> {
         let joints = self.joints;
         let (sampled_at, source, values) = self.line.read_noted(now_ns)?;
@@ -226,7 +226,7 @@ impl EncoderModel {
         self.joints
     }
 
-    /// Returns the number of readings lost because they were sampled faster than announced.
+    /// Returns the number of readings lost because they were sampled closer together than `shortest_period`.
     pub fn lost(&self) -> u64 {
         self.line.lost()
     }

@@ -8,8 +8,8 @@ use serde::Deserialize;
 use crate::channel::ErrorModel;
 use crate::randomise::SensorRanges;
 
-/// Errors of one quantity for all joints, with the keys of an [`ErrorModel`]. Each value is a single number
-/// for all joints or a list with one number per joint. Units depend on the joint: rad and N m for revolute
+/// Errors of one quantity for all joints, with the keys of an [`ErrorModel`]. Each value is either one number
+/// for all joints or a list of one number per joint. Units depend on the joint: rad and N m for revolute
 /// joints, m and N for prismatic joints.
 ///
 /// ```toml
@@ -21,23 +21,23 @@ use crate::randomise::SensorRanges;
 #[derive(Clone, Debug, Default, PartialEq, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct JointErrors {
-    /// Standard deviation of each reading, before it is quantised. Default 0.
+    /// Standard deviation of the noise of each reading, before rounding to the resolution. Default 0.
     pub noise: PerJoint,
-    /// Standard deviation of the bias at the start: of a position, the error of its zero. Default 0.
+    /// Standard deviation of the bias at the start. For positions, this is the zero offset. Default 0.
     pub bias: PerJoint,
     /// Standard deviation of the change of the bias in one second. Default 0.
     pub bias_walk: PerJoint,
     /// Standard deviation of the scale error, as a fraction of the reading. Default 0.
     pub scale_error: PerJoint,
-    /// Step of the readings; 0 for continuous ones, the default. A count of `n` bits per turn is
-    /// `2 pi / 2^n`.
+    /// Increment to which readings are rounded. Default 0: no rounding. An encoder with `n` bits per
+    /// revolution has `2 pi / 2^n`.
     pub resolution: PerJoint,
-    /// Largest magnitude of a reading. Default: unlimited.
+    /// Maximum magnitude of a reading, at which it saturates. Default: unlimited.
     pub range: Option<PerJoint>,
 }
 
-/// Velocity as the difference of successive position readings over time, filtered by a first-order low-pass,
-/// as in most drives. It contains the noise and resolution of the position and is 0 at the first sample.
+/// Computes velocity from the difference of successive position readings, filtered by a first-order low-pass,
+/// as in most drives. It inherits the noise and resolution of the position and is 0 at the first sample.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Differentiation {
@@ -45,7 +45,7 @@ pub struct Differentiation {
     pub cutoff_hz: f64,
 }
 
-/// The joint sensors of a robot: settings of [`EncoderModel`](super::EncoderModel) and configuration of
+/// Settings of a robot's joint sensors, for [`EncoderModel`](super::EncoderModel) and as the configuration of
 /// `sensor.joint_encoder`. The default is an ideal sensor.
 ///
 /// ```toml
@@ -60,14 +60,14 @@ pub struct Differentiation {
 pub struct EncoderSettings {
     /// Errors of the position, rad (or m).
     pub position: JointErrors,
-    /// Errors of a measured velocity, rad/s (or m/s). Not allowed with `differentiate`, where the velocity
-    /// contains the position errors.
+    /// Errors of a measured velocity, rad/s (or m/s). Not allowed with `differentiate`, because a
+    /// differentiated velocity inherits the position errors.
     pub velocity: JointErrors,
     /// Errors of the effort, N m (or N).
     pub effort: JointErrors,
-    /// Differentiates the position readings. Default: the velocity is measured by a separate sensor.
+    /// Computes velocities from position readings. Default: a separate sensor measures the velocity.
     pub differentiate: Option<Differentiation>,
-    /// Time from sampling until the reading is available, such as "500 us". Default 0.
+    /// Delay from sampling until the reading is available, such as "500 us". Default 0.
     pub latency: TimeSpan,
     /// Fraction of the readings that are lost, 0 to 1. Default 0.
     pub drop_out: f64,
@@ -78,15 +78,15 @@ pub struct EncoderSettings {
     pub randomise: SensorRanges,
 }
 
-/// An error of the joint sensor settings.
+/// The joint sensor settings are not valid.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SettingsError {
     /// A list's length differs from the number of joints.
     #[error(
-        "{name} lists {found} numbers, the robot has {expected} joints: list one per joint, or give a single number"
+        "{name} lists {found} numbers, but the robot has {expected} joints; list one number per joint, or set a single number"
     )]
     Count {
-        /// The setting.
+        /// Name of the setting.
         name: String,
         /// Length of the list.
         found: usize,
@@ -96,28 +96,28 @@ pub enum SettingsError {
     /// A number is out of range.
     #[error("{name} = {value}: expected {expected}")]
     OutOfRange {
-        /// The setting.
+        /// Name of the setting.
         name: String,
         /// The value found.
         value: f64,
-        /// The valid values.
+        /// Valid values, as a phrase.
         expected: &'static str,
     },
-    /// Velocity errors were given for a differentiated velocity.
+    /// Velocity errors are set for a differentiated velocity.
     #[error(
-        "velocity has its own errors, but it is differentiated from the position and inherits its errors: remove `velocity`, or `differentiate`"
+        "`velocity` errors are set, but the velocity is differentiated from the position and inherits its errors; remove `velocity` or `differentiate`"
     )]
     NeedlessVelocityErrors,
     /// The latency would require too much memory.
     #[error(
-        "a latency of {latency_ns} ns spans {frames} readings at the shortest period of {period_ns} ns, expected at most {limit}: is it meant to be ms?"
+        "a latency of {latency_ns} ns spans {frames} readings at the shortest period of {period_ns} ns, expected at most {limit}; is it meant to be ms?"
     )]
     Latency {
         /// The latency, ns.
         latency_ns: u64,
-        /// Readings in flight.
+        /// Number of readings in flight.
         frames: u64,
-        /// The shortest period, ns.
+        /// Minimum period between samples, ns.
         period_ns: u64,
         /// Maximum number of readings in flight.
         limit: u64,
@@ -125,7 +125,7 @@ pub enum SettingsError {
 }
 
 impl SettingsError {
-    /// Name of the invalid setting.
+    /// Returns the name of the invalid setting.
     pub fn setting(&self) -> &str {
         match self {
             Self::Count { name, .. } | Self::OutOfRange { name, .. } => name,

@@ -2,14 +2,14 @@
 
 use std::f64::consts::TAU;
 
-/// Shape of a [`Biquad`].
+/// Frequency response of a [`Biquad`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum BiquadShape {
     /// Passes frequencies below `frequency`. `q = 1 / sqrt(2)` gives a Butterworth filter.
     LowPass,
     /// Passes frequencies above `frequency`.
     HighPass,
-    /// Passes a band of width `frequency / q` around `frequency`, with a gain of 1 in its centre.
+    /// Passes a band of width `frequency / q` around `frequency`, with a gain of 1 at its centre.
     BandPass,
     /// Rejects a band of width `frequency / q` around `frequency`.
     Notch,
@@ -19,15 +19,15 @@ pub enum BiquadShape {
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum BiquadError {
     /// The frequency is not between zero and half the sample rate.
-    #[error("a frequency of {frequency_hz} Hz at {rate_hz} samples a second: expected one above 0 and below {}", 0.5 * .rate_hz)]
+    #[error("a frequency of {frequency_hz} Hz at {rate_hz} samples per second, expected a frequency above 0 and below {} Hz", 0.5 * .rate_hz)]
     Frequency {
         /// The frequency, Hz.
         frequency_hz: f64,
         /// The sample rate, Hz.
         rate_hz: f64,
     },
-    /// The quality is not positive.
-    #[error("a quality of {0}: expected a positive number, such as 0.7071")]
+    /// The quality factor `q` is not positive.
+    #[error("a quality factor of {0}, expected a positive number, such as 0.7071")]
     Quality(f64),
 }
 
@@ -37,8 +37,9 @@ pub enum BiquadError {
 /// y_k = b0 x_k + b1 x_(k-1) + b2 x_(k-2) - a1 y_(k-1) - a2 y_(k-2)
 /// ```
 ///
-/// Coefficients by the bilinear transform, pre-warped so that the frequency is exact (Bristow-Johnson, *Audio
-/// EQ Cookbook*); transposed direct form II. It starts in the steady state of the first sample.
+/// The coefficients follow from the bilinear transform, pre-warped so that the frequency is exact
+/// (Bristow-Johnson, *Audio EQ Cookbook*). The structure is the transposed direct form II. The filter starts
+/// in the steady state of the first sample.
 ///
 /// ```
 /// use motorium_sensors::estimation::{Biquad, BiquadShape};
@@ -57,10 +58,11 @@ pub struct Biquad {
 }
 
 impl Biquad {
-    /// Creates a filter for `rate_hz` samples per second.
+    /// Creates a filter for `rate_hz` samples per second with the characteristic frequency `frequency_hz` and
+    /// the quality factor `q`.
     ///
     /// # Errors
-    /// The frequency is not between zero and half the rate, or the quality is not positive.
+    /// [`BiquadError`] if the frequency is not between zero and half the rate, or `q` is not positive.
     pub fn new(shape: BiquadShape, frequency_hz: f64, q: f64, rate_hz: f64) -> Result<Self, BiquadError> {
         if !(frequency_hz > 0.0 && frequency_hz < 0.5 * rate_hz && rate_hz.is_finite()) {
             return Err(BiquadError::Frequency { frequency_hz, rate_hz });
@@ -94,7 +96,7 @@ impl Biquad {
         output
     }
 
-    /// Returns the gain at a frequency of `turns` periods per sample, from 0 to 0.5.
+    /// Returns the gain at a frequency of `turns` cycles per sample, from 0 to 0.5.
     pub fn gain(&self, turns: f64) -> f64 {
         let size = |coefficients: [f64; 3]| {
             let part = |of: fn(f64) -> f64| -> f64 {

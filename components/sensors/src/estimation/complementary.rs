@@ -11,9 +11,9 @@ use nalgebra::{UnitQuaternion, Vector3};
 /// ```
 ///
 /// with angular velocity `omega` and specific force `f` in the axes of the sensor, the attitude `R` of the
-/// sensor in the world (z up) and the bias `b` of the gyroscope: the explicit complementary filter of Mahony,
-/// Hamel and Pflimlin (IEEE TAC 53(5), 2008). Yaw is integrated from the gyroscope only. A specific force
-/// whose magnitude differs from gravity by more than the fraction `tolerance` is ignored.
+/// sensor in the world (z up) and the bias `b` of the gyroscope. This is the explicit complementary filter of
+/// Mahony, Hamel and Pflimlin (IEEE TAC 53(5), 2008). Yaw is integrated from the gyroscope alone. The filter
+/// ignores a specific force whose magnitude differs from gravity by more than the fraction `tolerance`.
 ///
 /// ```
 /// use motorium_sensors::estimation::ComplementaryFilter;
@@ -38,15 +38,15 @@ pub struct ComplementaryFilter {
 }
 
 impl ComplementaryFilter {
-    /// Creates a filter with the gains `kp` \[1/s\], which is the crossover frequency of the two sensors in
-    /// rad/s, and `ki` \[1/s2\] of the bias. It starts level.
+    /// Creates a filter that starts level. The attitude gain `kp` \[1/s\] is the crossover frequency of the
+    /// two sensors in rad/s; `ki` \[1/s2\] is the gain of the gyroscope bias.
     pub fn new(kp: f64, ki: f64) -> Self {
         let (attitude, bias) = (UnitQuaternion::identity(), Vector3::zeros());
         Self { kp, ki, tolerance: 0.5, gravity: 9.81, attitude, bias }
     }
 
-    /// Sets the maximum deviation of the specific force from gravity, as a fraction of gravity, up to which
-    /// it is used. Default 0.5; infinity uses every sample.
+    /// Sets the maximum deviation of the specific force from gravity, as a fraction of gravity, beyond which
+    /// a sample is ignored. Default 0.5; infinity uses every sample.
     pub fn with_tolerance(mut self, tolerance: f64) -> Self {
         self.tolerance = tolerance;
         self

@@ -2,10 +2,10 @@
 
 use nalgebra::{SMatrix, SVector};
 
-/// The covariance of an innovation is not positive definite.
+/// The covariance of the innovation is not positive definite.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "the covariance of the innovation is not positive definite: a noise-free measurement of an exactly known state?"
+    "the covariance of the innovation is not positive definite, probably from a noise-free measurement of an exactly known state"
 )]
 pub struct SingularInnovation;
 
@@ -17,7 +17,7 @@ pub struct SingularInnovation;
 /// ```
 ///
 /// Kalman 1960. The covariance update uses Joseph's form, which stays symmetric and positive by construction.
-/// Measurements of several sizes may be mixed. Nothing allocates.
+/// Measurements of different dimensions may be mixed. Nothing allocates.
 ///
 /// ```
 /// use motorium_sensors::estimation::KalmanFilter;
@@ -30,7 +30,7 @@ pub struct SingularInnovation;
 ///     filter.predict(&f, &vector![0.0, 0.0], &q);
 ///     filter.update(&matrix![1.0, 0.0], &matrix![1e-4], &vector![0.01 * f64::from(k)])?;
 /// }
-/// assert!((filter.state[1] - 1.0).abs() < 1e-2, "1 m/s");
+/// State estimate `x`.
 /// # Ok::<(), motorium_sensors::estimation::SingularInnovation>(())
 /// ```
 #[derive(Clone, Debug, PartialEq)]
@@ -42,22 +42,24 @@ pub struct KalmanFilter<const N: usize> {
 }
 
 impl<const N: usize> KalmanFilter<N> {
-    /// Creates a filter that starts from this estimate.
+    /// Creates a filter with an initial state estimate and its covariance.
     pub fn new(state: SVector<f64, N>, covariance: SMatrix<f64, N, N>) -> Self {
         Self { state, covariance }
     }
 
-    /// Predicts one step with the transition `f`, the known input `u` and the process noise covariance `q`.
+    /// Predicts the next state, with the transition matrix `f`, the known input `u` and the process noise
+    /// covariance `q`.
     pub fn predict(&mut self, f: &SMatrix<f64, N, N>, u: &SVector<f64, N>, q: &SMatrix<f64, N, N>) {
         self.state = f * self.state + u;
         self.covariance = f * self.covariance * f.transpose() + q;
     }
 
-    /// Adds a measurement `z = H x` whose noise has the covariance `r`. Returns the normalised innovation
-    /// squared `y' S^-1 y`, whose mean is `M` if the filter's noise covariances are correct.
+    /// Corrects the state with a measurement `z = H x` whose noise has the covariance `r`. Returns the
+    /// normalised innovation squared `y' S^-1 y`, whose mean is `M` if the filter's noise covariances are
+    /// correct.
     ///
     /// # Errors
-    /// [`SingularInnovation`]; the filter is unchanged then.
+    /// [`SingularInnovation`]; the filter is then unchanged.
     pub fn update<const M: usize>(
         &mut self,
         h: &SMatrix<f64, M, N>,

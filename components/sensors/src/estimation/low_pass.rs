@@ -4,8 +4,8 @@ use std::f64::consts::TAU;
 
 /// A first-order low-pass: `dy/dt = 2 pi f_c (x - y)`.
 ///
-/// Exact for an input that is constant between two samples: `y += (1 - exp(-2 pi f_c dt)) (x - y)`, for steps
-/// of any length. The first sample sets the output.
+/// The filter is exact for an input that is constant between two samples: `y += (1 - exp(-2 pi f_c dt)) (x -
+/// y)`, for steps of any length. The first sample sets the output.
 ///
 /// ```
 /// use motorium_sensors::estimation::LowPass;
@@ -23,8 +23,8 @@ pub struct LowPass {
 }
 
 impl LowPass {
-    /// Creates a filter with this cut-off frequency \[Hz\], at which a sine keeps `1 / sqrt(2)` of its
-    /// amplitude.
+    /// Creates a filter with a cut-off frequency \[Hz\], at which the amplitude of a sine is reduced to `1 /
+    /// sqrt(2)`.
     ///
     /// # Panics
     /// If the frequency is not positive and finite.
@@ -33,7 +33,8 @@ impl LowPass {
         Self { cutoff_hz, value: None }
     }
 
-    /// Returns the output after an input that lasted `dt` \[s\]. Unchanged unless `dt` is positive.
+    /// Returns the output after `input` has been applied for `dt` \[s\]. A `dt` that is not positive leaves
+    /// the output unchanged.
     pub fn update(&mut self, input: f64, dt: f64) -> f64 {
         let value = match self.value {
             None => input,
@@ -44,7 +45,8 @@ impl LowPass {
         value
     }
 
-    /// Returns the fraction of an input step that is in the output after `dt` \[s\]: `1 - exp(-2 pi f_c dt)`.
+    /// Returns the fraction of an input step that reaches the output after `dt` \[s\]: `1 - exp(-2 pi f_c
+    /// dt)`.
     pub fn share(cutoff_hz: f64, dt: f64) -> f64 {
         -(-TAU * cutoff_hz * dt).exp_m1()
     }

@@ -1,26 +1,28 @@
 //! Velocity from positions.
 
-/// A velocity and its delay.
+/// An estimated velocity and its delay.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Slope {
-    /// Velocity, per second.
+    /// Velocity, in the unit of the position per second.
     pub velocity: f64,
-    /// Delay of the velocity \[s\]: a signal of constant acceleration had this velocity `delay` before the
+    /// Delay of the velocity \[s\]. A signal of constant acceleration had this velocity at `delay` before the
     /// last sample.
     pub delay: f64,
-    /// Standard deviation of the velocity for positions of deviation 1 with independent errors, 1/s.
+    /// Standard deviation of the velocity per standard deviation of the positions, for independent errors
+    /// \[1/s\].
     pub noise_gain: f64,
 }
 
-/// Velocity of a signal from a least-squares line through its last `n` samples.
+/// Estimates the velocity of a signal as the slope of a least-squares line through its last `n` samples.
 ///
 /// ```text
 /// velocity = sum (t_k - t_mean) (x_k - x_mean) / sum (t_k - t_mean)^2        delay = t_last - t_mean
 /// ```
 ///
-/// Two samples give the backward difference, `dt / 2` late. More samples trade delay, `(n - 1) dt / 2`, for
-/// noise: `sqrt(12 / (n (n^2 - 1))) / dt` times the position noise. Time stamps may be uneven. The stated
-/// delay is exact for a quadratic signal if they are even or if there are two samples.
+/// Two samples give the backward difference, which is delayed by `dt / 2`. More samples reduce the noise to
+/// `sqrt(12 / (n (n^2 - 1))) / dt` times the position noise, but increase the delay to `(n - 1) dt / 2`. Time
+/// stamps may be uneven. The reported delay is exact for a quadratic signal if the time stamps are even or if
+/// there are two samples.
 ///
 /// ```
 /// use motorium_sensors::estimation::SlopeEstimator;
@@ -62,8 +64,8 @@ impl SlopeEstimator {
         self.count = (self.count + 1).min(size);
     }
 
-    /// Returns the velocity, or `None` before two samples. At the start it uses the available samples, with a
-    /// shorter delay.
+    /// Returns the velocity, or `None` before two samples. Until `n` samples are available it uses fewer,
+    /// with a shorter delay.
     pub fn slope(&self) -> Option<Slope> {
         if self.count < 2 {
             return None;

@@ -127,7 +127,10 @@ fn invalid_configurations_are_rejected_with_their_key() {
     let refuse = |config| declare(config, true).unwrap_err();
     let (key, message) = refuse(serde_json::json!({ "position": { "resolution": [0.1, 0.1] } }));
     assert_eq!(key.as_deref(), Some("position.resolution"));
-    assert!(message.starts_with("position.resolution lists 2 numbers, the robot has 1 joints"), "{message}");
+    assert!(
+        message.starts_with("position.resolution lists 2 numbers, but the robot has 1 joints"),
+        "{message}"
+    );
     let (key, _) = refuse(serde_json::json!({ "position": { "noise": -1.0 } }));
     assert_eq!(key.as_deref(), Some("position.noise"));
     let (_, message) = refuse(serde_json::json!({ "latency": "5" }));

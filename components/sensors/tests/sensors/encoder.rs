@@ -350,5 +350,5 @@ fn drop_outs_leave_other_readings_unchanged() {
     assert_eq!(all.dropped(), 0);
     let wrong = EncoderSettings { drop_out: 1.5, ..EncoderSettings::default() };
     let error = EncoderModel::new(1, &wrong, 0, Duration::from_millis(1)).unwrap_err();
-    assert_eq!(error.to_string(), "drop_out = 1.5: expected a share from 0 to 1");
+    assert_eq!(error.to_string(), "drop_out = 1.5: expected a fraction from 0 to 1");
 }

@@ -51,10 +51,10 @@ fn noise_and_bias_are_scaled_separately() {
 fn invalid_ranges_are_rejected_by_name() {
     let words = |ranges: SensorRanges| ranges.check().unwrap_err().to_string();
     assert!(words(SensorRanges { noise: Some([-1.0, 1.0]), ..RANGES }).starts_with("randomise.noise = -1"));
-    assert!(words(SensorRanges { bias: Some([2.0, 1.0]), ..RANGES }).contains("the lowest factor first"));
+    assert!(words(SensorRanges { bias: Some([2.0, 1.0]), ..RANGES }).contains("the lower factor first"));
     assert!(
         words(SensorRanges { latency: Some([span(2), span(1)]), ..RANGES })
-            .contains("the shortest time first")
+            .contains("the shorter time first")
     );
     assert!(
         words(SensorRanges { bias: Some([0.0, f64::NAN]), ..RANGES }).starts_with("randomise.bias = NaN")

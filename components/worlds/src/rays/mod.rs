@@ -41,7 +41,7 @@ impl Ray {
 /// First surface hit by a ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RayHit {
-    /// Index of the shape in the scene.
+    /// Index of the hit shape in the scene.
     pub target: usize,
     /// Distance from the origin of the ray \[m\].
     pub distance: f64,

@@ -63,7 +63,7 @@ struct Bundle {
 }
 
 impl RayScene {
-    /// Adds a shape and returns its index.
+    /// Adds a shape at a pose in the world and returns its index.
     pub fn add(&mut self, shape: RayShape, pose: &Isometry3<f64>) -> usize {
         let index = self.targets.len();
         if !shape.reach.is_finite() {
@@ -75,8 +75,8 @@ impl RayScene {
         index
     }
 
-    /// Adds all solids of a collision model, in order, relative to the frames to which they are
-    /// [attached](CollisionModel::attachment).
+    /// Adds all solids of a collision model, in order. Each solid is placed relative to the frame to which it
+    /// is [attached](CollisionModel::attachment).
     pub fn add_solids(&mut self, solids: &CollisionModel) {
         for index in 0..solids.solid_count() {
             let shape: ConvexShape = solids.convex_shape(index);
@@ -85,7 +85,7 @@ impl RayScene {
     }
 
     /// Adds the objects of a world in order at their initial poses, then its ground or terrain. Returns the
-    /// index of the first added shape. Objects have their [visual shape](RayShape::of_object). An
+    /// index of the first added shape. Rays hit the [visual shape](RayShape::of_object) of an object. An
     /// [invalid](World::check) terrain is skipped.
     pub fn add_world(&mut self, world: &World) -> usize {
         let first = self.len();
@@ -102,7 +102,8 @@ impl RayScene {
         first
     }
 
-    /// Replaces the terrain added by [`add_world`](Self::add_world). Returns `false` if there is none.
+    /// Replaces the terrain added by [`add_world`](Self::add_world). Returns `false` if the scene has no
+    /// terrain.
     pub fn set_terrain(&mut self, field: HeightField) -> bool {
         let terrain = self.targets.iter_mut().find(|target| target.shape.is_terrain());
         let is_there = terrain.is_some();
@@ -112,7 +113,7 @@ impl RayScene {
         is_there
     }
 
-    /// Number of shapes.
+    /// Returns the number of shapes.
     pub fn len(&self) -> usize {
         self.targets.len()
     }
@@ -122,7 +123,7 @@ impl RayScene {
         self.targets.is_empty()
     }
 
-    /// Places a shape.
+    /// Sets the pose of a shape in the world.
     ///
     /// # Panics
     /// If there is no shape with this index.
@@ -143,8 +144,8 @@ impl RayScene {
         best
     }
 
-    /// Finds the first surface that each of many rays hits within `range` \[m\]. Consecutive rays with
-    /// similar origins and directions are fastest.
+    /// Finds the first surface that each ray hits within `range` \[m\]; `hits[i]` is the result for
+    /// `rays[i]`. Consecutive rays with similar origins and directions are fastest.
     ///
     /// # Panics
     /// If the lengths of `hits` and `rays` differ.

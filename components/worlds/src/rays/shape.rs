@@ -51,7 +51,7 @@ pub(super) enum Surface {
 }
 
 impl RayShape {
-    /// Creates the shape of a convex shape. A hull without volume is never hit.
+    /// Creates a ray-casting shape from a convex shape. A hull without volume is never hit.
     pub fn new(shape: &ConvexShape) -> Self {
         let surface = match shape {
             ConvexShape::Sphere { radius } => Surface::Sphere(*radius),
@@ -72,19 +72,19 @@ impl RayShape {
         Self { surface, reach: shape.bounding_radius() }
     }
 
-    /// Creates the surface of a terrain, which is hit from above.
+    /// Creates the surface of a terrain. Rays hit it only from above.
     pub fn of_terrain(field: Arc<HeightField>) -> Self {
         Self { surface: Surface::Terrain(field), reach: f64::INFINITY }
     }
 
-    /// Creates the triangles of a mesh, which are hit from both sides.
+    /// Creates the surface of a triangle mesh. Rays hit it from both sides.
     pub fn of_triangles(surface: Arc<TriangleSurface>) -> Self {
         let reach = surface.reach();
         Self { surface: Surface::Triangles(surface), reach }
     }
 
-    /// Creates the shape of an object: for meshes the [drawn](crate::MeshShape::visual) triangles, for a
-    /// compound all parts. An unreadable mesh is never hit.
+    /// Creates a ray-casting shape from an object: the [visual](crate::MeshShape::visual) triangles of a
+    /// mesh, or all parts of a compound. An unreadable mesh is never hit.
     pub fn of_object(shape: &ObjectShape) -> Self {
         match shape {
             ObjectShape::Mesh(mesh) => match mesh.body() {
@@ -111,8 +111,9 @@ impl RayShape {
         matches!(self.surface, Surface::Terrain(_))
     }
 
-    /// Returns the distance \[m\] along a ray to the shape at `pose`, and the outward normal there in world
-    /// axes. `None` without a hit within `range` \[m\], or if the origin is inside.
+    /// Returns the distance \[m\] along a ray to the shape at `pose`, and the outward normal at the hit in
+    /// world axes. Returns `None` without a hit within `range` \[m\], or if the ray's origin is inside the
+    /// shape.
     pub fn cast(&self, pose: &Isometry3<f64>, ray: &Ray, range: f64) -> Option<(f64, Vector3<f64>)> {
         let rotation: M3 = pose.rotation.to_rotation_matrix().into_inner().into();
         let (origin, direction) = (ray.origin.coords.into(), (*ray.direction).into());

@@ -30,11 +30,11 @@ pub enum TerrainError {
         key: String,
         /// The file.
         file: String,
-        /// The value found, and the values expected.
+        /// Actual and expected values.
         problem: String,
     },
     /// The grid has too many heights.
-    #[error("{found:.3e} heights, expected at most {most:.0e}; raise `spacing` or lower `size`")]
+    #[error("a grid of {found:.3e} heights, expected at most {most:.0e}; raise `spacing` or lower `size`")]
     Fine {
         /// Requested number of heights.
         found: f64,
@@ -44,11 +44,11 @@ pub enum TerrainError {
     /// A height is not finite.
     #[error("the height at x = {x}, y = {y} is {height}, expected a finite number")]
     Height {
-        /// Place.
+        /// Position along x \[m\].
         x: f64,
-        /// Place.
+        /// Position along y \[m\].
         y: f64,
-        /// Height.
+        /// Height \[m\].
         height: f64,
     },
 }

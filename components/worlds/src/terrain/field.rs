@@ -6,10 +6,10 @@ use nalgebra::{Point3, Vector3};
 /// Number of cells along a side of a block; the highest point of each block is stored.
 pub(super) const BLOCK: i64 = 8;
 
-/// A surface of two triangles per cell over a grid of heights, solid below.
+/// Ground as a grid of heights, with two triangles per cell. It is solid below.
 ///
-/// Beyond the grid, the height at the nearest edge continues. Cells are split along the diagonal from the
-/// corner of smallest x and y.
+/// Beyond the grid, the height continues as at the nearest edge. Each cell is split along the diagonal from
+/// its corner with the smallest x and y.
 ///
 /// ```
 /// use motorium_worlds::HeightField;
@@ -36,14 +36,14 @@ pub struct HeightField {
     pub(super) high: f64,
 }
 
-/// A triangle of a height field near a point.
+/// A triangle of a height field near a query point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NearTriangle {
     /// Index of the triangle in the field.
     pub index: u32,
-    /// Point of the surface nearest to the given one \[m\].
+    /// Point of the triangle nearest to the query point \[m\].
     pub nearest: Point3<f64>,
-    /// Its upward unit normal.
+    /// Upward unit normal of the triangle.
     pub normal: Vector3<f64>,
     /// Cell along x and y, and half of the cell: 0 at the end of x, 1 at the end of y.
     place: ([i64; 2], usize),
@@ -97,7 +97,7 @@ impl HeightField {
         (self.low, self.high)
     }
 
-    /// Returns the corner of smallest x and y \[m\], and the number of heights along x and y.
+    /// Returns the corner with the smallest x and y \[m\], and the number of heights along x and y.
     pub fn grid(&self) -> ([f64; 2], [usize; 2]) {
         (self.origin, self.count)
     }
@@ -164,7 +164,8 @@ impl HeightField {
         normal * (1.0 / normal.dot(normal).sqrt())
     }
 
-    /// Returns an upper bound of the height within `reach` \[m\] of a position along x and y.
+    /// Returns an upper bound on the height within `reach` \[m\] of a position. Distances are measured
+    /// separately along x and y.
     pub fn highest_near(&self, x: f64, y: f64, reach: f64) -> f64 {
         let block = self.spacing * BLOCK as f64;
         let index = |place: f64, axis: usize| ((place - self.origin[axis]) / block).floor() as i64;
@@ -178,7 +179,7 @@ impl HeightField {
         highest
     }
 
-    /// Calls `visit` with the triangles that have a point within `reach` \[m\] of `point`.
+    /// Calls `visit` with every triangle that has a point within `reach` \[m\] of `point`.
     pub fn visit_near(&self, point: &Point3<f64>, reach: f64, visit: &mut dyn FnMut(NearTriangle)) {
         let (x, y) = self.in_cells(point.x, point.y);
         let wide = reach / self.spacing;
@@ -233,8 +234,9 @@ impl HeightField {
         out.dot(out) <= reach * reach
     }
 
-    /// Calls `visit` with the grid corners within `reach` \[m\] along x and y that rise above the line of
-    /// their neighbours along an axis, each with a unique number. A flat body touches these corners first.
+    /// Calls `visit` with the convex grid corners within `reach` \[m\] along x and y: corners that rise above
+    /// the line between their neighbours along an axis. Each has a unique number. A flat body touches these
+    /// corners first.
     pub fn visit_peaks(&self, x: f64, y: f64, reach: f64, visit: &mut dyn FnMut(u32, Point3<f64>)) {
         let (u, v) = self.in_cells(x, y);
         let wide = reach / self.spacing;
@@ -262,8 +264,8 @@ const FLAT: f64 = 1e-3;
 const EDGES: [[i64; 2]; 3] = [[1, 0], [0, 1], [1, 1]];
 
 impl HeightField {
-    /// Calls `visit` with the protruding edges within `reach` \[m\] along x and y, which the edge of a body
-    /// touches first. The arguments are a unique number below 2^32, both ends, and the normals of the
+    /// Calls `visit` with the convex edges within `reach` \[m\] along x and y. The edges of a body touch
+    /// these edges first. The arguments are a unique number below 2^32, both ends, and the normals of the
     /// triangles on both sides.
     pub fn visit_ridges(
         &self,

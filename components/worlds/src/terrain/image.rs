@@ -44,13 +44,13 @@ impl Picture {
             // a checksum follows the data; the pixels' checksum is checked below
             rest = after.get(4..).ok_or("the file ends within a chunk")?;
         }
-        let Header { size, bytes_per_pixel } = header.ok_or("no header (IHDR)")?;
+        let Header { size, bytes_per_pixel } = header.ok_or("its header (IHDR) is missing")?;
         let stride = size[0] * bytes_per_pixel;
         let room = size[1] * (stride + 1);
         let rows = miniz_oxide::inflate::decompress_to_vec_zlib_with_limit(&packed, room)
             .map_err(|error| format!("its pixels cannot be unpacked: {error}"))?;
         if rows.len() != room {
-            return Err(format!("{} bytes of pixels, expected {room}", rows.len()));
+            return Err(format!("it unpacks to {} bytes of pixels, expected {room}", rows.len()));
         }
         let mut grey = Vec::with_capacity(size[0] * size[1]);
         let (mut above, mut row) = (vec![0; stride], vec![0; stride]);
@@ -101,7 +101,7 @@ struct Header {
 impl Header {
     fn read(data: &[u8]) -> Result<Self, String> {
         let [w0, w1, w2, w3, h0, h1, h2, h3, depth, colour, 0, 0, interlace] = *data else {
-            return Err("a header (IHDR) that PNG does not have".to_owned());
+            return Err("its header (IHDR) is not valid".to_owned());
         };
         let size = [[w0, w1, w2, w3], [h0, h1, h2, h3]].map(|bytes| u32::from_be_bytes(bytes) as usize);
         if size.contains(&0) || size[0].saturating_mul(size[1]) > MOST {
@@ -137,7 +137,7 @@ fn unfilter(filter: u8, width: usize, above: &[u8], row: &mut [u8]) -> Result<()
             2 => b,
             3 => ((u16::from(a) + u16::from(b)) / 2) as u8,
             4 => paeth(a, b, c),
-            _ => return Err(format!("a row with the filter {filter}, expected 0 to 4")),
+            _ => return Err(format!("a row has the filter {filter}, expected 0 to 4")),
         };
         row[index] = row[index].wrapping_add(guess);
     }

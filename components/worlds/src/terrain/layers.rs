@@ -9,8 +9,10 @@ use super::error::TerrainError;
 use super::expression::Expression;
 use super::image::Picture;
 
-/// A layer of a terrain. `direction` is an angle from x towards y (rad), default 0; `from` is the distance
-/// from the origin along it at which the layer starts (m), default 0.
+/// A layer of a terrain.
+///
+/// `direction` is an angle from x towards y (rad), default 0. `from` is the distance from the origin along
+/// `direction` at which the layer starts (m), default 0.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum TerrainLayer {
@@ -20,15 +22,15 @@ pub enum TerrainLayer {
         /// cos, tan, exp, log, sqrt, abs, floor, min, max.
         height: String,
     },
-    /// An image whose grey value is the height: a greyscale PNG file of 8 or 16 bits.
+    /// An image whose grey values are heights: a greyscale PNG file of 8 or 16 bits.
     ///
     /// Seen from above, x points to the right in the image and y up. The outermost pixels are on the edges of
-    /// `size`; between pixels the height is interpolated, and beyond them it continues as at the edge.
+    /// `size`. Heights are interpolated between pixels, and continue beyond the image as at its edge.
     Image {
         /// Path of the file, relative to the graph's folder.
         #[schemars(extend("format" = "path"))]
         file: String,
-        /// Heights of black and white (m).
+        /// Heights of a black and of a white pixel (m).
         height: [f64; 2],
         /// Length along x and y covered by the image (m). Default: the terrain's size.
         #[serde(default)]
@@ -39,14 +41,14 @@ pub enum TerrainLayer {
     },
     /// A fractal surface by the diamond-square algorithm.
     DiamondSquare {
-        /// Largest height of either sign (m).
+        /// Maximum height above or below zero (m).
         height: f64,
-        /// Factor of the random part from one level to the next, at half the length: 0 (smooth) to 1 (rough).
-        /// Default 0.5.
+        /// Scale of the random heights at each level relative to the level of twice its length: 0 (smooth) to
+        /// 1 (rough). Default 0.5.
         #[serde(default = "half")]
         roughness: f64,
     },
-    /// A slope that starts at a line.
+    /// A slope that starts at a line across `direction`.
     Slope {
         /// Angle of the slope (rad); negative for a descent.
         angle: f64,

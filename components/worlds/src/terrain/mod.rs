@@ -28,9 +28,9 @@ const FARTHEST: f64 = 1e6;
 /// Width of the band around the level area over which the terrain rises to its height \[m\].
 const BAND: f64 = 0.3;
 
-/// Uneven ground instead of a plane: the sum of its layers, above z = 0.
+/// Uneven ground instead of a plane. Its height is the sum of its layers, relative to z = 0.
 ///
-/// Beyond its size, the height at the nearest edge continues.
+/// Beyond its size, the height continues as at the nearest edge.
 ///
 /// ```
 /// use motorium_worlds::Terrain;
@@ -54,37 +54,39 @@ const BAND: f64 = 0.3;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Terrain {
-    /// Length along x and y (m).
+    /// Length of the terrain along x and y (m).
     pub size: [f64; 2],
-    /// Centre along x and y (m). Default: the origin.
+    /// Centre of the terrain along x and y (m). Default: the origin.
     #[serde(default)]
     pub centre: [f64; 2],
     /// Distance between adjacent heights (m). Default 0.05. Steeper features, such as the front of a step,
-    /// become slopes of this length.
+    /// become slopes of this horizontal length.
     #[serde(default = "default_spacing")]
     pub spacing: f64,
     /// Radius of the level area at z = 0 around the origin of the world (m). Default 0.
     #[serde(default)]
     pub flat: f64,
-    /// Seed of random layers. Default 0.
+    /// Seed of the random features of layers. Default 0.
     #[serde(default)]
     pub seed: u64,
-    /// Factor of all heights. Default 1.
+    /// Scales all heights. Default 1.
     #[serde(default = "one")]
     pub scale: f64,
-    /// Coefficient of friction, default 0.8; 0 is frictionless on everything without a `friction_combine`.
+    /// Coefficient of friction, default 0.8. A surface with 0 is frictionless against every surface without a
+    /// `friction_combine`.
     #[serde(default = "default_friction")]
     #[schemars(range(min = 0.0))]
     pub friction: f64,
-    /// Rule by which frictions combine. Default: the mean of both surfaces' for a friction above 0.
+    /// Rule by which the friction coefficients of two surfaces combine. Default: the mean if the friction is
+    /// above 0, otherwise the product.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub friction_combine: Option<FrictionCombine>,
-    /// Coefficient of torsional friction (m): the torque about the normal against spinning, per normal force.
+    /// Coefficient of torsional friction (m): maximum torque about the contact normal per normal force.
     /// Default 0.
     #[serde(default)]
     #[schemars(range(min = 0.0))]
     pub torsional_friction: f64,
-    /// Coefficient of rolling friction (m): the torque against rolling, per normal force. Default 0.
+    /// Coefficient of rolling friction (m): maximum torque against rolling per normal force. Default 0.
     #[serde(default)]
     #[schemars(range(min = 0.0))]
     pub rolling_friction: f64,
@@ -95,7 +97,7 @@ pub struct Terrain {
     /// Softness: contact points yield like a spring and a damper. Default: the surface is rigid.
     #[serde(default)]
     pub soft: Option<Softness>,
-    /// The layers, whose heights are added.
+    /// Layers of the terrain, whose heights are added.
     pub layers: Vec<TerrainLayer>,
 }
 
@@ -112,7 +114,7 @@ fn default_friction() -> f64 {
 }
 
 impl Terrain {
-    /// Resolves relative paths of its images from a folder.
+    /// Resolves relative paths of image files from a folder.
     pub fn locate(&mut self, folder: &Path) {
         for layer in &mut self.layers {
             if let TerrainLayer::Image { file, .. } = layer {
@@ -190,11 +192,11 @@ impl Terrain {
         Ok(cells)
     }
 
-    /// Returns the height field of the terrain, which depends only on the description and the image files.
-    /// Reads these files.
+    /// Returns the height field of the terrain. This reads the image files of the layers; apart from them,
+    /// the result depends only on the description.
     ///
     /// # Errors
-    /// [`TerrainError`].
+    /// [`TerrainError`] if a value is out of range or an image cannot be read.
     pub fn height_field(&self) -> Result<HeightField, TerrainError> {
         let cells = self.cells()?;
         let count = cells.map(|cells| cells as usize + 1);

@@ -44,6 +44,6 @@ impl Appearance {
         share("light.ambient", ambient)?;
         let length = direction.iter().map(|part| part * part).sum::<f64>().sqrt();
         let good = length.is_finite() && length > 1e-9;
-        check("appearance", "light.direction", length, good, "a direction, of a length above 0")
+        check("appearance", "light.direction", length, good, "a vector of nonzero length")
     }
 }

@@ -7,10 +7,10 @@ use serde::{Deserialize, Serialize};
 use super::checks::finite;
 use super::{Object, WorldError};
 
-/// A connection of two links or objects in addition to the robot's joints, such as to close a kinematic loop
-/// or to fix an object to a hand.
+/// A connection of two links or objects in addition to the robot's joints, for example to close a kinematic
+/// loop or to fix an object to a hand.
 ///
-/// The relative pose at the time of connection is maintained. Connected parts do not collide with each other.
+/// It maintains the initial relative pose of both parts. Connected parts do not collide with each other.
 /// Connections of a world refer to objects.
 ///
 /// ```
@@ -30,12 +30,12 @@ use super::{Object, WorldError};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Connection {
-    /// The two parts: links of robots, objects, or `world`.
+    /// The two connected parts: links of robots, objects, or `world`.
     pub parts: [String; 2],
-    /// The kind of connection.
+    /// Relative motions that are permitted.
     #[serde(default)]
     pub kind: ConnectionKind,
-    /// Common point, in the axes of the first part (m). Default: its origin.
+    /// Connection point, in the axes of the first part (m). Default: its origin.
     #[serde(default)]
     pub point: [f64; 3],
 }

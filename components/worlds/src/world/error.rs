@@ -6,7 +6,7 @@ use motorium_robots::{MeshError, MjcfError, Position, UrdfError, suggestion};
 
 use crate::TerrainError;
 
-/// A mistake in a world description.
+/// The description of a world has an error.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum WorldError {
     /// A number is out of range.
@@ -32,7 +32,7 @@ pub enum WorldError {
         /// Error of the mesh file.
         error: MeshError,
     },
-    /// A mesh without volume is used where a volume is required.
+    /// A mesh has no volume, so no convex hull can be computed.
     #[error("{name}: its mesh is flat and has no convex hull; use its triangles: collision = \"triangles\"")]
     FlatMesh {
         /// The object.
@@ -68,21 +68,21 @@ pub enum WorldError {
         problem: &'static str,
     },
     /// A connection refers to an unknown object.
-    #[error("`connections` names the object \"{name}\", which the world does not have{}", suggestion(.nearest.as_deref()))]
+    #[error("`connections` names the object \"{name}\", which is not in the world{}", suggestion(.nearest.as_deref()))]
     NothingToConnect {
-        /// The name.
+        /// The unknown name.
         name: String,
-        /// The name most likely meant.
+        /// The closest known name.
         nearest: Option<String>,
     },
     /// A connection joins immovable objects.
     #[error(
-        "`connections`: \"{first}\" and \"{second}\" do not move relative to one another: there is nothing to connect"
+        "`connections`: \"{first}\" and \"{second}\" do not move relative to each other, so there is nothing to connect"
     )]
     RigidConnection {
-        /// A part.
+        /// First part.
         first: String,
-        /// The other.
+        /// Second part.
         second: String,
     },
     /// Both mass and density are specified.
@@ -100,11 +100,11 @@ pub enum WorldError {
     )]
     TwoGrounds,
     /// A colour refers to an unknown object.
-    #[error("`appearance.colours` names \"{name}\", which the world does not have{}", suggestion(.nearest.as_deref()))]
+    #[error("`appearance.colours` names \"{name}\", which is not in the world{}", suggestion(.nearest.as_deref()))]
     NothingToColour {
-        /// The name.
+        /// The unknown name.
         name: String,
-        /// The name most likely meant.
+        /// The closest known name.
         nearest: Option<String>,
     },
     /// Two objects have the same name, or a name is already in use.
@@ -112,7 +112,7 @@ pub enum WorldError {
     NameTaken {
         /// The name.
         name: String,
-        /// The owner of the name.
+        /// Existing use of the name.
         by: &'static str,
     },
 }
@@ -120,20 +120,20 @@ pub enum WorldError {
 /// The file cannot be read as a world.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum WorldFileError {
-    /// The file cannot be read.
+    /// The file cannot be opened or read.
     #[error("{}: {reason}", .path.display())]
     Read {
         /// The file.
         path: PathBuf,
-        /// The cause.
+        /// Cause of the failure.
         reason: String,
     },
-    /// The file has another format.
+    /// The file is not in a supported format.
     #[error("{}: the root element is <{root}>, expected <mujoco>, <robot> or <sdf>; use world = \"FILE.toml\" for a world in TOML", .path.display())]
     Format {
         /// The file.
         path: PathBuf,
-        /// Its root element.
+        /// Root element of the file.
         root: String,
     },
     /// The MJCF file has an error.

@@ -6,7 +6,7 @@ use super::WorldFileError;
 use super::file::read;
 use super::{EARTH, World};
 
-/// Returns the gravity of a [world](World::file) file \[m/s2\]; 9.81 downwards if unstated.
+/// Returns the gravity of a [world file](World::file) \[m/s2\]. The default is 9.81 m/s2 downwards.
 ///
 /// # Errors
 ///

@@ -20,7 +20,7 @@ const MOST_HULL_CORNERS: usize = 4096;
 /// Maximum number of convex parts of a mesh.
 const MOST_PARTS: usize = 64;
 
-/// A mesh from a file, in the axes of the file.
+/// A mesh from a file, in the coordinates of the file.
 ///
 /// ```
 /// use motorium_worlds::{MeshCollision, MeshShape, Object, ObjectShape};
@@ -41,13 +41,13 @@ pub struct MeshShape {
     /// File of the mesh: `.stl`, `.obj` or `.dae`. Relative paths start at the graph's folder.
     #[schemars(extend("format" = "path"))]
     pub file: PathBuf,
-    /// Scale along x, y and z, not 0; a negative value mirrors the mesh. Default 1: the file is in metres.
+    /// Scale along x, y and z, not 0. A negative value mirrors the mesh. Default 1, for a file in metres.
     #[serde(default = "unscaled")]
     pub scale: [f64; 3],
     /// Collision shape. Default: the convex hull.
     #[serde(default)]
     pub collision: MeshCollision,
-    /// Another file for drawing, with the same scale. Default: the same file.
+    /// Another mesh file for drawing, with the same scale. Default: `file`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("format" = "path"))]
     pub visual: Option<PathBuf>,
@@ -64,26 +64,26 @@ pub enum MeshCollision {
     #[default]
     Hull,
     /// At most this number (1 to 64) of convex parts with at most 64 corners each, which together cover the
-    /// mesh. They exceed the mesh by up to a 64th of its longest side.
+    /// mesh. They protrude from the mesh by up to a 64th of its longest side.
     Parts(#[schemars(range(min = 1, max = 64))] usize),
-    /// The triangles themselves, solid behind: exact, for fixed objects only. Triangles that enclose a volume
-    /// face outward, regardless of their order in the file. The front of an open surface is the side from
-    /// which its triangles are counter-clockwise.
+    /// The triangles themselves, solid behind. This is exact, but for fixed objects only. Triangles that
+    /// enclose a volume face outward, regardless of their order in the file. The front of an open surface is
+    /// the side from which its triangles are counter-clockwise.
     Triangles,
 }
 
-/// A mesh that has been read: its parts and its mass properties.
+/// A loaded mesh with its collision parts and mass properties.
 #[derive(Debug)]
 pub struct MeshBody {
-    /// The mesh.
+    /// Mesh of the file, scaled, with coincident corners merged and triangles facing outward.
     pub mesh: TriangleMesh,
-    /// The mesh that is drawn.
+    /// Triangles of the drawn mesh, which rays of sensors also hit.
     pub visual: Arc<TriangleSurface>,
     /// Convex collision parts; empty for triangle collision.
     pub parts: Vec<Arc<TriangleMesh>>,
     /// Collision triangles.
     pub surface: Option<Arc<TriangleSurface>>,
-    /// Properties of a closed mesh, otherwise of its convex hull; `None` without a volume.
+    /// Volume properties of the mesh if it is closed, otherwise of its convex hull; `None` without a volume.
     pub properties: Option<VolumeProperties>,
 }
 
@@ -99,13 +99,13 @@ impl PartialEq for MeshShape {
 }
 
 impl MeshShape {
-    /// Creates a mesh from a file that collides with its convex hull.
+    /// Creates a mesh shape from a file. It collides with its convex hull.
     pub fn new(file: impl Into<PathBuf>) -> Self {
         let (scale, collision) = (unscaled(), MeshCollision::default());
         Self { file: file.into(), scale, collision, visual: None, read: Arc::default() }
     }
 
-    /// Creates a body from an existing mesh; `name` replaces its file name.
+    /// Creates a mesh shape from a mesh in memory; `name` replaces its file name.
     pub fn of_mesh(name: &str, mesh: TriangleMesh, collision: MeshCollision) -> Self {
         let shape = Self { collision, ..Self::new(name) };
         let _ = shape.read.set(Ok(Arc::new(MeshBody::new(mesh, None, collision))));
@@ -122,7 +122,7 @@ impl MeshShape {
         self.read = Arc::default();
     }
 
-    /// Returns the mesh with its parts and its mass properties, read on the first call.
+    /// Returns the mesh with its parts and mass properties. The first call reads the file.
     ///
     /// # Errors
     ///
@@ -185,7 +185,7 @@ impl MeshBody {
         Self { mesh, visual, parts, surface, properties }
     }
 
-    /// Returns the collision shapes, all about the origin of the mesh.
+    /// Returns the collision shapes, each in the frame of the mesh.
     pub fn geometries(&self, name: &str) -> Vec<Geometry> {
         let of = |mesh: Arc<TriangleMesh>| Geometry::Mesh {
             uri: name.to_owned(),

@@ -38,11 +38,13 @@ pub(super) fn mesh(path: &Path, scale: [f64; 3], moves: bool) -> (ObjectShape, O
     let (collision, reason) = match read {
         None => (MeshCollision::Hull, None),
         Some(_) if moves => {
-            (MeshCollision::Hull, Some("an object that moves touches by the convex hull of its mesh"))
+            (MeshCollision::Hull, Some("a moving object collides with the convex hull of its mesh"))
         }
         Some(mesh) if mesh.welded().twisted_edge().is_some() => (
             MeshCollision::Hull,
-            Some("it touches by its convex hull: its triangles face both sides; let all face outward"),
+            Some(
+                "it collides with its convex hull, because its triangles face both sides; orient all outward",
+            ),
         ),
         Some(_) => (MeshCollision::Triangles, None),
     };

@@ -1,5 +1,5 @@
-//! Worlds from SDF (SDFormat 1.4 to 1.11), a subset: models of one link or fixed ones, with primitives,
-//! planes and meshes.
+//! Worlds from SDF (SDFormat 1.4 to 1.11). Supported are static models, and moving models of one link, with
+//! primitives, planes and meshes.
 
 mod bodies;
 mod reader;
@@ -23,14 +23,14 @@ use super::reading::{Read, fixed, position, problem, unique};
 use super::{Object, World};
 use crate::FrictionCombine;
 
-/// Acceleration of free fall in a world of SDF without `<gravity>` \[m/s2\].
+/// Gravitational acceleration of an SDF world without `<gravity>` \[m/s2\].
 const GRAVITY: [f64; 3] = [0.0, 0.0, -9.8];
-/// The last minor version of SDF whose `<gravity>` is in `<physics>`.
+/// Last minor version of SDF in which `<gravity>` is in `<physics>`.
 const LAST_WITH_GRAVITY_IN_PHYSICS: u32 = 5;
-/// Levels of elements around a model, at most.
+/// Maximum number of element levels around a model.
 const DEEPEST: usize = 64;
 
-/// Reads the first `<world>`, else the `<model>`s, of an SDF document.
+/// Reads the first `<world>` of an SDF document, or its `<model>`s if there is no `<world>`.
 pub(super) fn read(path: &Path, document: &Document<'_>) -> Result<Read, WorldFileError> {
     let root = document.root_element();
     let mut reader =
@@ -83,8 +83,8 @@ pub(super) fn read(path: &Path, document: &Document<'_>) -> Result<Read, WorldFi
 }
 
 impl Reader<'_> {
-    /// Returns the number after `1.`; refuses versions with other elements. Without a version it is the last
-    /// one.
+    /// Returns the minor version, the number after `1.`; rejects unsupported versions. A file without a
+    /// version counts as the newest.
     fn minor_version(&self, root: Node<'_, '_>) -> Result<u32, WorldFileError> {
         let Some(version) = root.attribute("version") else { return Ok(u32::MAX) };
         let minor = version.strip_prefix("1.").and_then(|minor| minor.parse::<u32>().ok());
@@ -97,7 +97,7 @@ impl Reader<'_> {
         Err(problem(self.path, root, text))
     }
 
-    /// Warns of elements in the namespaces of other programs.
+    /// Warns about elements in the namespaces of other programs.
     fn warn_of_foreign(&mut self, root: Node<'_, '_>) {
         let own_parent = |node: &Node<'_, '_>| node.parent().is_none_or(|parent| !is_foreign(&parent));
         let foreign =
@@ -108,7 +108,7 @@ impl Reader<'_> {
         }
     }
 
-    /// Refuses a second value of an element.
+    /// Rejects repeated elements that may occur only once.
     fn refuse_repeated(&self, root: Node<'_, '_>) -> Result<(), WorldFileError> {
         for node in elements(root) {
             let name = node.tag_name().name();
@@ -124,19 +124,21 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// Refuses the models of a file beside its `<world>`.
+    /// Handles an element next to the `<world>`; rejects models and further worlds.
     fn beside_the_world(&mut self, node: Node<'_, '_>) -> Result<(), WorldFileError> {
         match node.tag_name().name() {
-            "world" => Err(problem(self.path, node, "a second <world>: a file holds one")),
+            "world" => {
+                Err(problem(self.path, node, "a second <world>, but one file describes one world; remove it"))
+            }
             "model" => {
-                let text = "<model> beside <world> is not supported; move it into the <world>";
+                let text = "<model> next to <world> is not supported; move it into the <world>";
                 Err(problem(self.path, node, text))
             }
             _ => self.leave_out("world", node),
         }
     }
 
-    /// The error of an element that no world can contain.
+    /// Returns the error for an element that a world cannot contain.
     fn unsupported(&self, node: Node<'_, '_>) -> WorldFileError {
         let name = node.tag_name().name();
         let around = node.parent().map_or("sdf", |parent| parent.tag_name().name());
@@ -144,8 +146,8 @@ impl Reader<'_> {
         problem(self.path, node, text)
     }
 
-    /// Reads a model in a frame; its own pose may name this frame as `scope`. `fixed` is `true` in a static
-    /// model.
+    /// Reads a model in the frame `around`; the file may refer to this frame as `scope`. `fixed` is `true`
+    /// inside a static model.
     fn model(
         &mut self,
         model: Node<'_, '_>,
@@ -154,7 +156,7 @@ impl Reader<'_> {
         scope: &str,
     ) -> Result<(), WorldFileError> {
         if model.ancestors().nth(DEEPEST).is_some() {
-            return Err(problem(self.path, model, "models nested this deep are not supported"));
+            return Err(problem(self.path, model, "models nested this deeply are not supported"));
         }
         let pose = around * self.pose(model, Some(scope))?;
         if let Some(frame) = model.attribute("placement_frame").filter(|frame| !frame.is_empty()) {
@@ -171,7 +173,7 @@ impl Reader<'_> {
                 "model" if is_static => self.model(node, &pose, true, "__model__")?,
                 "joint" => {
                     let text = format!(
-                        "model \"{name}\" has a joint: it is a robot; a world holds fixed models and bodies that move freely"
+                        "model \"{name}\" has a joint: it is a robot, but a world contains only fixed models and free bodies"
                     );
                     return Err(problem(self.path, node, text));
                 }
@@ -179,8 +181,8 @@ impl Reader<'_> {
             }
         }
         if let Some(second) = named(model, "link").nth(1).filter(|_| !is_static) {
-            let text = "a second <link> in a <model> that moves is not supported; make it a separate model, or \
-                        its <collision> one of the first link";
+            let text = "a second <link> in a moving <model> is not supported; make it a separate model, or \
+                        move its <collision> into the first link";
             return Err(problem(self.path, second, text));
         }
         for link in named(model, "link") {
@@ -233,12 +235,12 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// Refuses a link that moves otherwise than free bodies do.
+    /// Rejects a moving link that is kinematic or without gravity.
     fn check_motion(&self, node: Node<'_, '_>, moves: bool) -> Result<(), WorldFileError> {
         let name = node.tag_name().name();
         if moves && self.boolean(node)? != (name == "gravity") {
             let message = format!(
-                "<{name}> is \"{}\": an object that moves is free, and gravity pulls it; make its model <static>",
+                "<{name}> is \"{}\": moving objects are free and subject to gravity; make its model <static>",
                 text(node).trim()
             );
             return Err(problem(self.path, node, message));
@@ -246,7 +248,7 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// Accepts, warns of or rejects an unread element.
+    /// Accepts, warns about or rejects an unread element.
     fn leave_out(&mut self, section: &'static str, node: Node<'_, '_>) -> Result<(), WorldFileError> {
         let name = node.tag_name().name();
         if schema::has_no_effect(node) {
@@ -265,7 +267,7 @@ impl Reader<'_> {
         }
     }
 
-    /// Warns of an ignored element, once per file.
+    /// Warns about an ignored element, once per file.
     fn ignore(&mut self, node: Node<'_, '_>, element: &str, because: &'static str) {
         self.ignore_at(position(node), element, because);
     }
@@ -283,7 +285,8 @@ impl Reader<'_> {
         self.warnings.get_mut().push(ModelWarning::Ignored { what, at, count: 1, reason: because });
     }
 
-    /// Warns if surfaces differ in their restitution: programs combine them by different rules.
+    /// Warns if surfaces differ in their restitution, because simulators combine restitutions by different
+    /// rules.
     fn warn_of_bounces(&mut self) {
         let objects = self.world.objects.iter().map(|object| object.restitution);
         let mut all = self.world.ground.iter().map(|ground| ground.restitution).chain(objects);
@@ -291,8 +294,8 @@ impl Reader<'_> {
         if let Some(at) = self.first_bounce
             && all.any(|other| Some(other) != first)
         {
-            let reason = "a contact has the mean of both surfaces' restitutions";
-            self.ignore_at(at, "the rule of Gazebo for different <restitution_coefficient>s", reason);
+            let reason = "a contact uses the mean of both surfaces' restitutions";
+            self.ignore_at(at, "Gazebo's rule for different <restitution_coefficient>s", reason);
         }
     }
 }

@@ -54,14 +54,14 @@ pub enum ObjectShape {
 pub struct ObjectMass {
     /// Mass \[kg\].
     pub mass: f64,
-    /// Frame of the principal axes of inertia at the centre of mass, in the object; `None` if equal to the
-    /// object's frame.
+    /// Pose of the principal axes of inertia in the object, with the centre of mass as origin; `None` if
+    /// equal to the object's frame.
     pub frame: Option<Isometry3<f64>>,
     /// Principal moments of inertia about the centre of mass \[kg m2\].
     pub moments: Vector3<f64>,
 }
 
-/// A part of an object with several shapes.
+/// One shape of a compound object, at a pose in the object.
 ///
 /// ```
 /// use motorium_worlds::Object;
@@ -82,23 +82,24 @@ pub struct ObjectMass {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CompoundPart {
-    /// Shape; neither a compound nor a triangle-collision mesh.
+    /// Shape of the part; neither a compound nor a mesh with triangle collision.
     pub shape: ObjectShape,
-    /// Position of its origin in the axes of the object (m).
+    /// Position of the part's origin in the axes of the object (m).
     #[serde(default)]
     pub position: [f64; 3],
-    /// Roll, pitch, yaw about the fixed axes x, y, z of the object, in this order (rad).
+    /// Orientation in the object: roll, pitch, yaw about the object's fixed axes x, y, z, in this order
+    /// (rad).
     #[serde(default)]
     pub rpy: [f64; 3],
-    /// Mass (kg), for all parts or none. If the object has a `mass`, these are relative weights. Default:
-    /// mass is distributed evenly over all parts.
+    /// Mass (kg); either all parts have one, or none. If the object has a `mass`, these values are relative
+    /// weights. Default: mass is distributed evenly over all parts.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0))]
     pub mass: Option<f64>,
 }
 
 impl CompoundPart {
-    /// Returns the frame of the part in the object.
+    /// Returns the pose of the part in the object.
     pub fn frame(&self) -> Isometry3<f64> {
         BasePose { position: self.position, rpy: self.rpy }.isometry()
     }
@@ -169,7 +170,7 @@ impl ObjectShape {
         }
     }
 
-    /// Returns the collision shapes with their frames in the object; empty for an unreadable mesh.
+    /// Returns the collision shapes with their poses in the object; empty for an unreadable mesh.
     pub fn geometries(&self) -> Vec<(Isometry3<f64>, Geometry)> {
         let simple = match *self {
             Self::Box { size } => Geometry::Box { size: Vector3::from(size) },
@@ -192,8 +193,8 @@ impl ObjectShape {
         vec![(Isometry3::identity(), simple)]
     }
 
-    /// Returns the convex shape; the hull for a mesh, `None` for a compound, whose [`shapes`](Self::shapes)
-    /// have one each.
+    /// Returns the convex shape; for a mesh, its convex hull. Returns `None` for an unreadable mesh, and for
+    /// a compound: use the [`shapes`](Self::shapes) of its parts.
     pub fn convex_shape(&self) -> Option<ConvexShape> {
         Some(match *self {
             Self::Box { size } => ConvexShape::Box { half: Vector3::from(size) * 0.5 },
@@ -208,7 +209,7 @@ impl ObjectShape {
         })
     }
 
-    /// Returns the geometry; `None` for a compound, whose [`shapes`](Self::shapes) have one each.
+    /// Returns the geometry; `None` for a compound: use the [`shapes`](Self::shapes) of its parts.
     pub fn geometry(&self) -> Option<Geometry> {
         match self {
             Self::Mesh(mesh) => Some(Geometry::Mesh {
@@ -254,7 +255,8 @@ impl ObjectShape {
         Self::Compound(vec![CompoundPart { shape: self, position, rpy, mass: None }])
     }
 
-    /// Returns the individual shapes with their frames in the object: itself, or the parts of a compound.
+    /// Returns the individual shapes with their poses in the object: the shape itself, or the parts of a
+    /// compound.
     ///
     /// ```
     /// use motorium_worlds::ObjectShape;
@@ -300,15 +302,19 @@ fn parts_mass(parts: &[CompoundPart], mass: f64) -> Option<ObjectMass> {
 pub(super) fn check_parts(owner: &str, parts: &[CompoundPart], density: bool) -> Result<(), WorldError> {
     let wrong = |problem: &'static str| WorldError::Parts { name: owner.to_owned(), problem };
     if parts.is_empty() || parts.len() > MOST_PARTS {
-        return Err(wrong("a compound has from 1 to 64 parts"));
+        return Err(wrong("a compound must have from 1 to 64 parts"));
     }
     for part in parts {
         match &part.shape {
             ObjectShape::Compound(_) => {
-                return Err(wrong("a part is a compound itself; list its parts next to the others"));
+                return Err(wrong(
+                    "a part of a compound is itself a compound; list all parts in one compound",
+                ));
             }
             ObjectShape::Mesh(mesh) if mesh.collision == MeshCollision::Triangles => {
-                return Err(wrong("a part collides with its triangles; make it a separate object"));
+                return Err(wrong(
+                    "triangle collision is not supported for a part of a compound; make the part a separate object",
+                ));
             }
             shape => shape.check(owner, true)?,
         }
@@ -319,13 +325,15 @@ pub(super) fn check_parts(owner: &str, parts: &[CompoundPart], density: bool) ->
     }
     let stated = parts.iter().filter(|part| part.mass.is_some()).count();
     if stated != 0 && stated != parts.len() {
-        return Err(wrong("some of its parts have a mass and others none; give it to all, or to none"));
+        return Err(wrong(
+            "some of its parts have a mass and others do not; specify it for all parts or for none",
+        ));
     }
     if stated != 0 && density {
         return Err(wrong("its parts have masses, but it also has a `density`; remove one"));
     }
     if stated != 0 && stated_mass(parts) <= Some(0.0) {
-        return Err(wrong("the masses of its parts are zero"));
+        return Err(wrong("the masses of all its parts are zero; make at least one positive"));
     }
     Ok(())
 }

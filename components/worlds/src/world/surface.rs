@@ -7,11 +7,11 @@ use super::{Ground, Object, World, WorldError};
 use crate::{FrictionCombine, Grain, Softness};
 
 impl Softness {
-    /// Checks every value of the surface of `owner`.
+    /// Checks every value of the surface. `owner` is its name in error messages.
     ///
     /// # Errors
     ///
-    /// [`WorldError::Value`].
+    /// [`WorldError::Value`] for a value out of range.
     pub fn check(&self, owner: &str) -> Result<(), WorldError> {
         positive(owner, "soft.stiffness", self.stiffness)?;
         from_zero(owner, "soft.damping", self.damping)
@@ -19,15 +19,15 @@ impl Softness {
 }
 
 impl Grain {
-    /// Checks every value of the surface of `owner`.
+    /// Checks every value of the surface. `owner` is its name in error messages.
     ///
     /// # Errors
     ///
-    /// [`WorldError::Value`].
+    /// [`WorldError::Value`] for a value out of range.
     pub fn check(&self, owner: &str) -> Result<(), WorldError> {
         let length = Vector3::from(self.direction).norm();
         let good = length.is_finite() && length > 0.0;
-        check(owner, "grain.direction", length, good, "a vector of a length above 0")?;
+        check(owner, "grain.direction", length, good, "a vector of nonzero length")?;
         from_zero(owner, "grain.friction", self.friction)
     }
 }

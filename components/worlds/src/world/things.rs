@@ -23,23 +23,26 @@ use crate::{FrictionCombine, Grain, Softness};
 pub struct Ground {
     /// Height of the plane (m).
     pub height: f64,
-    /// Coefficient of friction, default 0.8; 0 is frictionless on everything without a `friction_combine`.
+    /// Coefficient of friction, default 0.8. A surface with 0 is frictionless against every surface without a
+    /// `friction_combine`.
     #[schemars(range(min = 0.0))]
     pub friction: f64,
-    /// Rule by which frictions combine. Default: the mean of both surfaces' for a friction above 0.
+    /// Rule by which the friction coefficients of two surfaces combine. Default: the mean if the friction is
+    /// above 0, otherwise the product.
     pub friction_combine: Option<FrictionCombine>,
-    /// Torsional friction (m): torque about the normal per normal force; mean of both. Default 0.
+    /// Coefficient of torsional friction (m): maximum torque about the contact normal per normal force. A
+    /// contact uses the mean of both surfaces. Default 0.
     #[schemars(range(min = 0.0))]
     pub torsional_friction: f64,
-    /// Coefficient of rolling friction (m): torque against rolling per normal force. A contact uses the mean
-    /// of both surfaces. Default 0.
+    /// Coefficient of rolling friction (m): maximum torque against rolling per normal force. A contact uses
+    /// the mean of both surfaces. Default 0.
     #[schemars(range(min = 0.0))]
     pub rolling_friction: f64,
     /// Fraction of the approach speed kept after an impact, from 0 to 1. A contact uses the mean of both
-    /// surfaces.
+    /// surfaces. Default 0.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub restitution: f64,
-    /// A moving surface, such as a treadmill. Default: at rest.
+    /// Moves the surface along itself, as on a treadmill. Default: at rest.
     pub conveyor: Option<Conveyor>,
     /// Softness: contact points yield like a spring and a damper. Default: the surface is rigid.
     pub soft: Option<Softness>,
@@ -66,7 +69,7 @@ impl Default for Ground {
 
 /// A surface that moves along itself while its body stays in place, like a conveyor belt.
 ///
-/// Objects on it experience friction until they move with it. Its speed does not depend on the load.
+/// Friction accelerates objects on it until they move with it. Its speed does not depend on the load.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Conveyor {
@@ -75,7 +78,7 @@ pub struct Conveyor {
     pub velocity: [f64; 3],
 }
 
-/// An object.
+/// An object of a world, fixed or free to move.
 ///
 /// ```
 /// use motorium_worlds::{Object, ObjectShape};
@@ -94,18 +97,18 @@ pub struct Conveyor {
 pub struct Object {
     /// Name, unique in the world; not `ground`, `terrain` or the name of a robot link.
     pub name: String,
-    /// Shape, centred on its origin, of uniform density. A mesh keeps the origin of its file, a compound the
-    /// origin of its parts.
+    /// Shape of uniform density, centred on the object's origin. A mesh keeps the origin of its file, a
+    /// compound the origin of its parts.
     pub shape: ObjectShape,
-    /// Mass (kg). Without it, and without a density, the object is fixed.
+    /// Mass (kg). An object with neither a mass nor a density is fixed.
     #[serde(default)]
     #[schemars(range(min = 0.0))]
     pub mass: Option<f64>,
-    /// Density (kg/m3), instead of the mass; the mass follows from the volume.
+    /// Density (kg/m3), from which the mass is computed. Excludes `mass`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0))]
     pub density: Option<f64>,
-    /// Position of its origin (m).
+    /// Position of the object's origin (m).
     pub position: [f64; 3],
     /// Orientation: roll, pitch, yaw about the fixed axes x, y, z, in this order (rad).
     #[serde(default)]
@@ -116,32 +119,36 @@ pub struct Object {
     /// Initial angular velocity, world axes (rad/s).
     #[serde(default)]
     pub angular_velocity: [f64; 3],
-    /// Coefficient of friction, default 0.8; 0 is frictionless on everything without a `friction_combine`.
+    /// Coefficient of friction, default 0.8. A surface with 0 is frictionless against every surface without a
+    /// `friction_combine`.
     #[serde(default = "default_friction")]
     #[schemars(range(min = 0.0))]
     pub friction: f64,
-    /// Rule by which frictions combine. Default: the mean of both surfaces' for a friction above 0.
+    /// Rule by which the friction coefficients of two surfaces combine. Default: the mean if the friction is
+    /// above 0, otherwise the product.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub friction_combine: Option<FrictionCombine>,
-    /// Torsional friction (m): torque about the normal per normal force; mean of both. Default 0.
+    /// Coefficient of torsional friction (m): maximum torque about the contact normal per normal force. A
+    /// contact uses the mean of both surfaces. Default 0.
     #[serde(default)]
     #[schemars(range(min = 0.0))]
     pub torsional_friction: f64,
-    /// Coefficient of rolling friction (m): torque against rolling per normal force. A contact uses the mean
-    /// of both surfaces.
+    /// Coefficient of rolling friction (m): maximum torque against rolling per normal force. A contact uses
+    /// the mean of both surfaces. Default 0.
     #[serde(default)]
     #[schemars(range(min = 0.0))]
     pub rolling_friction: f64,
     /// Fraction of the approach speed kept after an impact, from 0 to 1. A contact uses the mean of both
-    /// surfaces.
+    /// surfaces. Default 0.
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 1.0))]
     pub restitution: f64,
-    /// A moving surface, such as a conveyor belt. Default: at rest.
+    /// Moves the surface along itself, as on a conveyor belt. Default: at rest.
     #[serde(default)]
     pub conveyor: Option<Conveyor>,
-    /// Drag area: drag coefficient times frontal area (m2). The drag force acts at its centre: half the air
-    /// density times this area times the square of the relative air velocity. Default 0: no drag.
+    /// Drag area: drag coefficient times frontal area (m2). The drag force acts at the object's centre and
+    /// equals half the air density times this area times the square of the relative air velocity. Default 0:
+    /// no drag.
     #[serde(default)]
     #[schemars(range(min = 0.0))]
     pub drag: f64,
@@ -151,7 +158,8 @@ pub struct Object {
     /// Direction-dependent friction. Default: the same in all directions.
     #[serde(default)]
     pub grain: Option<Grain>,
-    /// Copies in a pattern, called `NAME_0`, `NAME_1` and so on. After parsing, each is a separate object.
+    /// Copies in a regular pattern, called `NAME_0`, `NAME_1` and so on. After parsing, each is a separate
+    /// object.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub copies: Option<Copies>,
 }
@@ -176,7 +184,8 @@ pub struct Object {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Copies {
-    /// Number along x, y and z of the object, including itself: 1 to 1000, at most 1000 in total.
+    /// Number of copies along x, y and z of the object, including the original: 1 to 1000 each, at most 1000
+    /// in total.
     #[schemars(inner(range(min = 1, max = 1000)))]
     pub count: [usize; 3],
     /// Distance between consecutive copies along x, y and z (m).

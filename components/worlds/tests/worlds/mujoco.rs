@@ -90,7 +90,7 @@ fn invalid_fields_and_bodies_are_rejected_with_position() {
         (
             "body1=\"spike\" body2=\"ball\"",
             "body1=\"spike\" body2=\"hammer\"",
-            "do not move relative to one another",
+            "do not move relative to each other",
         ),
         ("body2=\"ball\"/>", "body2=\"ball\" relpose=\"0 0 1 1 0 0 0\"/>", "bodies are fixed in their poses"),
         ("<weld body1=\"spike\" body2=\"ball\"/>", "<joint joint1=\"a\"/>", "it couples joints"),

@@ -102,10 +102,13 @@ fn sdf_frames_that_are_not_read_are_refused() {
     for (model, expected) in [
         ("placement_frame=\"l\">", "w.sdf:2:1: placement_frame=\"l\" is not supported"),
         ("><pose frame=\"ground\">0 0 1 0 0 0</pose>", "frame=\"ground\" in <pose> is not supported"),
-        ("><pose relative_to=\"ground\">0 0 1 0 0 0</pose>", "relative to the element around <model>"),
+        ("><pose relative_to=\"ground\">0 0 1 0 0 0</pose>", "relative to the element that contains <model>"),
         ("><pose rotation_format=\"axis\">0 0 1 0 0 0 1</pose>", "rotation_format=\"axis\" is not supported"),
         ("><pose rotation_format=\"quat_xyzw\">0 0 1 0 0 0 0</pose>", "the quaternion is zero"),
-        ("><pose rotation_format=\"quat_xyzw\" degrees=\"1\">0 0 1 0 0 0 1</pose>", "has no degrees"),
+        (
+            "><pose rotation_format=\"quat_xyzw\" degrees=\"1\">0 0 1 0 0 0 1</pose>",
+            "does not apply to a quaternion",
+        ),
         ("><frame name=\"f\"/>", "<frame> in <model> is not supported; write each <pose>"),
     ] {
         let error = ball("", model, "", "").unwrap_err();
@@ -255,7 +258,7 @@ fn fixed_meshes_of_sdf_and_urdf_touch_by_their_triangles() {
     assert_eq!(read("w.sdf", &sdf("convex.obj", true)), (MeshCollision::Hull, vec![]));
     assert_eq!(read("w.sdf", &sdf("convex.obj", false)), (MeshCollision::Hull, vec![]));
     for (mesh, fixed, reason) in
-        [("concave.obj", false, "an object that moves"), ("twisted.obj", true, "face both sides")]
+        [("concave.obj", false, "a moving object"), ("twisted.obj", true, "face both sides")]
     {
         let (collision, warnings) = read("w.sdf", &sdf(mesh, fixed));
         assert_eq!(collision, MeshCollision::Hull);

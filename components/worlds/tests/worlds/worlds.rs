@@ -127,7 +127,7 @@ fn mjcf_world_has_its_gravity_geoms_and_free_bodies() {
 #[test]
 fn unsupported_world_content_is_rejected_with_position() {
     for (old, new, expected) in [
-        ("<freejoint/>", "<joint/>", "12:34: a body on a joint is part of a robot"),
+        ("<freejoint/>", "<joint/>", "12:34: a body with a joint is part of a robot"),
         (
             "<light pos=\"0 0 3\"/>",
             "<geom type=\"hfield\" hfield=\"h\"/>",
@@ -136,7 +136,7 @@ fn unsupported_world_content_is_rejected_with_position() {
         (
             "<geom type=\"cylinder\"",
             "<body><joint/></body><geom type=\"cylinder\"",
-            "a body on a joint is part of a robot",
+            "a body with a joint is part of a robot",
         ),
         ("</mujoco>", "<actuator/></mujoco>", "<actuator> describes a robot"),
         ("<light", "<tree", "<tree> is not supported"),
@@ -213,7 +213,7 @@ fn sdf_in_degrees_or_millimetres_is_reported() {
     assert_eq!(
         model("<pose>0 0 1 0 90 0</pose>", "0.3 0.2 0.1"),
         [
-            "<pose> of <model name=\"crate\"> has an angle of 90 rad (line 2, column 1); SDF has radians without degrees=\"true\": \
+            "<pose> of <model name=\"crate\"> has an angle of 90 rad (line 2, column 1); SDF angles are in radians without degrees=\"true\": \
              if these are degrees, write 1.5708"
         ]
     );

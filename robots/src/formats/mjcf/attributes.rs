@@ -11,7 +11,7 @@ use crate::formats::lines::Lines;
 use crate::nearest::nearest;
 use crate::{ModelWarning, Position};
 
-/// Class of elements without an explicit one.
+/// Name of the class of elements that name no class.
 pub const MAIN: &str = "main";
 
 /// Key of a class's elements themselves, in place of an attribute: elements without attributes count as well.
@@ -28,7 +28,7 @@ struct Given<'a, 'i> {
 /// numbers of the previous one.
 type Values<'a, 'i> = HashMap<&'a str, Vec<Given<'a, 'i>>>;
 
-/// Lines of the text, its `<default>` classes (values by kind of element) and the warnings so far.
+/// Lines of the text, its `<default>` classes (values by element type) and the warnings so far.
 pub struct Attributes<'a, 'i> {
     lines: Lines<'a>,
     classes: HashMap<&'a str, HashMap<&'static str, Values<'a, 'i>>>,
@@ -39,7 +39,7 @@ impl<'a, 'i> Attributes<'a, 'i> {
     /// Reads the `<default>` classes of a document.
     ///
     /// # Errors
-    /// A class has no name or a duplicate one, or an attribute is not supported.
+    /// A class has no name or a duplicate name, or an attribute is not supported.
     pub fn new(document: &'a Document<'i>) -> Result<Self, MjcfError> {
         let classes = HashMap::from([(MAIN, HashMap::new())]);
         let lines = Lines::new(document.input_text());
@@ -143,8 +143,8 @@ impl<'a, 'i> Attributes<'a, 'i> {
         Ok(Element { attributes: self, node, defaults, schema })
     }
 
-    /// Returns an element with its defaults, after checking all attributes against `schema`. `around` is the
-    /// class of the surrounding bodies.
+    /// Returns an element with its default values, after checking all attributes against `schema`. `around`
+    /// is the class of the surrounding bodies.
     ///
     /// # Errors
     /// The class is unknown, or `schema` rejects an attribute.
@@ -157,7 +157,7 @@ impl<'a, 'i> Attributes<'a, 'i> {
         self.unchecked(node, around, schema)?.checked()
     }
 
-    /// Warns that something is ignored; once per kind, with a count.
+    /// Adds a warning that something is ignored. Repeated warnings are counted.
     pub fn ignored(&self, node: Node<'_, '_>, what: String, reason: &'static str) {
         let mut warnings = self.warnings.borrow_mut();
         for warning in warnings.iter_mut() {
@@ -178,12 +178,12 @@ impl<'a, 'i> Attributes<'a, 'i> {
         warnings.extend(new);
     }
 
-    /// Returns the warnings so far and removes them.
+    /// Takes the warnings so far, leaving none.
     pub fn warnings(&self) -> Vec<ModelWarning> {
         self.warnings.take()
     }
 
-    /// Creates an error that rejects the value of an attribute; `reason` may be empty.
+    /// Creates an error that rejects the value of an attribute. `reason` may be empty.
     pub fn refused(&self, node: Node<'_, '_>, name: &str, value: &str, reason: &'static str) -> MjcfError {
         let (attribute, value) = (name.to_owned(), value.to_owned());
         self.error(node, MjcfProblem::Attribute { element: named(node), attribute, value, reason })
@@ -232,12 +232,12 @@ impl<'a, 'i> Attributes<'a, 'i> {
     }
 }
 
-/// An element of the file with the defaults of its class.
+/// An element of the file with the default values of its class.
 #[derive(Clone, Copy)]
 pub struct Element<'b, 'a, 'i> {
-    /// The attributes of the file.
+    /// Attributes of the file.
     pub attributes: &'b Attributes<'a, 'i>,
-    /// The element itself.
+    /// XML node of the element.
     pub node: Node<'a, 'i>,
     defaults: Option<&'b Values<'a, 'i>>,
     schema: &'static Schema,
@@ -264,7 +264,7 @@ impl<'a, 'i> Element<'_, 'a, 'i> {
         self.attributes.ignored(node, format!("{name} of <{element}>"), reason);
     }
 
-    /// Warns that an attribute is ignored.
+    /// Adds a warning that an attribute is ignored.
     pub fn ignore(&self, name: &str, reason: &'static str) {
         let node = self.explicit(name).map_or(self.node, |given| given.node);
         self.ignored(node, name, reason);
@@ -275,7 +275,7 @@ impl<'a, 'i> Element<'_, 'a, 'i> {
         own.or_else(|| self.defaults?.get(name)?.last().copied())
     }
 
-    /// Returns the value from the element or its class.
+    /// Returns the value of an attribute from the element or its class.
     pub fn get(&self, name: &str) -> Option<&'a str> {
         self.explicit(name).map(|given| given.value)
     }
@@ -303,7 +303,7 @@ impl<'a, 'i> Element<'_, 'a, 'i> {
         }
     }
 
-    /// Returns exactly `N` numbers; `None` without the attribute.
+    /// Returns the `N` numbers of an attribute; `None` if the attribute is missing.
     ///
     /// # Errors
     /// See [`Attributes::parse`].
@@ -321,7 +321,8 @@ impl<'a, 'i> Element<'_, 'a, 'i> {
         Ok(self.numbers::<1>(name)?.map_or(default, |[x]| x))
     }
 
-    /// Returns `N` numbers, the first ones from the element, then from its class, its parents, and `default`.
+    /// Returns `N` numbers. Missing trailing numbers are taken from the element's class, then from its parent
+    /// classes, then from `default`.
     ///
     /// # Errors
     /// See [`Attributes::parse`].
@@ -359,7 +360,7 @@ impl<'a, 'i> Element<'_, 'a, 'i> {
         value.map_or(Ok(Vec::new()), |value| self.attributes.parse(node, name, value, 1..=most))
     }
 
-    /// Rejects an attribute set by the element or its class.
+    /// Creates an error that rejects an attribute of the element or its class.
     pub fn refused(&self, name: &str, reason: &'static str) -> MjcfError {
         let given = self.explicit(name).unwrap_or(Given { value: "", node: self.node });
         self.attributes.refused(given.node, name, given.value, reason)
@@ -381,7 +382,7 @@ impl<'a, 'i> Element<'_, 'a, 'i> {
     }
 }
 
-/// Describes an element, with its name if it has one: `joint name="knee"`.
+/// Describes an element, including its name if it has one, such as `joint name="knee"`.
 pub fn named(node: Node<'_, '_>) -> String {
     let element = node.tag_name().name();
     node.attribute("name").map_or_else(|| element.to_owned(), |name| format!("{element} name=\"{name}\""))

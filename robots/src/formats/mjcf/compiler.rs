@@ -34,9 +34,9 @@ pub struct Compiler {
     pub(crate) align_free: bool,
     /// Folder of mesh files, relative to the file.
     pub mesh_folder: PathBuf,
-    /// `true` if the folder part of mesh file names is ignored.
+    /// `true` if the folders in the names of mesh files are ignored.
     pub strip_path: bool,
-    /// Total mass of all bodies, including static ones, if set by the file \[kg\].
+    /// Total mass that the file sets for all bodies, including static ones \[kg\]; `None` if it does not.
     pub total_mass: Option<f64>,
 }
 

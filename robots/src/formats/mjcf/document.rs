@@ -9,7 +9,7 @@ use crate::Position;
 ///
 /// # Errors
 ///
-/// [`MjcfProblem::Xml`], without a file.
+/// [`MjcfProblem::Xml`] with its position. The file is not set.
 pub fn parse_document(text: &str) -> Result<Document<'_>, MjcfError> {
     let options = ParsingOptions { allow_dtd: true, ..Default::default() };
     Document::parse_with_options(text, options).map_err(|error| {

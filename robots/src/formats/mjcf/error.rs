@@ -9,7 +9,7 @@ use crate::nearest::suggestion;
 /// An error in an MJCF file.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub struct MjcfError {
-    /// The file, if the text came from one.
+    /// Path of the file; `None` if the text is not from a file.
     pub file: Option<PathBuf>,
     /// Position of the faulty element.
     pub at: Position,
@@ -33,68 +33,68 @@ pub enum MjcfProblem {
     /// The XML is not well-formed.
     #[error("not well-formed XML: {0}")]
     Xml(String),
-    /// The root element is not `<mujoco>`.
+    /// The root element is not `<mujoco>`; its name.
     #[error("the root element is <{0}>, expected <mujoco>")]
     Root(String),
-    /// The element is not supported.
+    /// The element with this name is not supported.
     #[error(
         "<{0}> is not supported; resave the file with MuJoCo (mj_saveLastXML) \
          or use a URDF of the robot"
     )]
     Element(String),
-    /// The attribute is not supported.
+    /// The value of an attribute is not supported.
     #[error("{attribute}=\"{value}\" of <{element}> is not supported{}", because(.reason))]
     Attribute {
-        /// Element at fault.
+        /// Name of the element.
         element: String,
-        /// Attribute at fault.
+        /// Name of the attribute.
         attribute: String,
-        /// Its value.
+        /// Value of the attribute.
         value: String,
-        /// The reason, or the alternative; may be empty.
+        /// Reason or alternative; may be empty.
         reason: &'static str,
     },
     /// An attribute is missing.
     #[error("<{element}> has no attribute \"{attribute}\"")]
     Missing {
-        /// Element at fault.
+        /// Name of the element.
         element: String,
-        /// The missing attribute.
+        /// Name of the missing attribute.
         attribute: &'static str,
     },
     /// The numbers of an attribute are malformed.
     #[error("{attribute}=\"{value}\" of <{element}>: expected {expected}")]
     Number {
-        /// Element at fault.
+        /// Name of the element.
         element: String,
-        /// Attribute at fault.
+        /// Name of the attribute.
         attribute: String,
-        /// Its value.
+        /// Value of the attribute.
         value: String,
-        /// The expected numbers.
+        /// Expected numbers, as a phrase.
         expected: String,
     },
-    /// The referenced name does not exist.
+    /// The element refers to a name that does not exist.
     #[error("<{element}> names the {what} \"{name}\", which does not exist{}", suggestion(.nearest.as_deref()))]
     Unknown {
-        /// Element at fault.
+        /// Name of the element.
         element: String,
-        /// The kind of element: `joint`, `body`, `mesh` or `class`.
+        /// Type of the referenced element: `joint`, `body`, `mesh` or `class`.
         what: &'static str,
-        /// The name.
+        /// The unknown name.
         name: String,
-        /// The most similar name that exists.
+        /// The closest existing name.
         nearest: Option<String>,
     },
     /// Two elements have the same name.
     #[error("a second {what} is named \"{name}\"")]
     Duplicate {
-        /// The kind of element: `body`, `site`, `joint` or `class`.
+        /// Type of the elements: `body`, `site`, `joint` or `class`.
         what: &'static str,
-        /// The name.
+        /// The duplicate name.
         name: String,
     },
-    /// Another problem, with its message.
+    /// Any other problem, with its message.
     #[error("{0}")]
     Other(String),
 }

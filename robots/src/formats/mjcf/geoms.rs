@@ -44,27 +44,27 @@ pub(crate) struct MeshAsset {
     pub(crate) not_solid: Option<MjcfError>,
 }
 
-/// A `<geom>`.
+/// A `<geom>` of an MJCF file.
 pub struct Geom {
     /// Pose in the frame of its body.
     pub placement: Isometry3<f64>,
-    /// Its shape; a plane is a box.
+    /// Shape of the geom. A plane is represented by a box.
     pub geometry: Geometry,
     /// `contype` and `conaffinity`.
     pub masks: [i32; 2],
-    /// `true` if the geom is among the shapes of the model.
+    /// `true` if the geom becomes a shape of the model.
     pub kept: bool,
-    /// Colour specified by the geom or its material.
+    /// Colour specified by the geom or its material; `None` without one.
     pub colour: Option<Colour>,
     /// `true` if MuJoCo's viewer shows the geom by default.
     pub is_seen: bool,
-    /// Inertia in the frame of the geom, or a deferred error.
+    /// Inertia in the frame of the geom, or an error that is reported only if the inertia is used.
     pub inertia: Result<Inertia, MjcfError>,
 }
 
-/// A reader of geoms, with the meshes and materials they refer to.
+/// A reader of geoms, with the meshes and materials that they refer to.
 pub struct Geoms<'b, 'a, 'i> {
-    /// The attributes of the file.
+    /// Attributes of the file.
     pub attributes: &'b Attributes<'a, 'i>,
     /// Settings of the file.
     pub compiler: &'b Compiler,
@@ -82,7 +82,7 @@ impl<'b, 'a, 'i> Geoms<'b, 'a, 'i> {
 }
 
 impl<'a, 'i> Geoms<'_, 'a, 'i> {
-    /// Reads a geom. `in_world` means that its body does not move; `around` is the class of the surrounding
+    /// Reads a geom. `in_world` is `true` if its body does not move. `around` is the class of the surrounding
     /// bodies.
     ///
     /// # Errors
@@ -151,7 +151,7 @@ impl<'a, 'i> Geoms<'_, 'a, 'i> {
         Ok(Geom { placement, geometry, masks, kept, colour, is_seen, inertia })
     }
 
-    /// Returns the colour of a geom or its material, and `true` if MuJoCo's viewer shows it by default.
+    /// Returns the colour of a geom or its material, and `true` if MuJoCo's viewer shows the geom by default.
     ///
     /// # Errors
     /// The material is unknown, or a value is malformed.
@@ -228,10 +228,10 @@ impl<'a, 'i> Geoms<'_, 'a, 'i> {
         }
     }
 
-    /// Checks that a geom has the inertia of a solid.
+    /// Checks that the inertia of a geom is computed for a solid.
     ///
     /// # Errors
-    /// The geom or its mesh has another inertia, such as a shell's.
+    /// The inertia of the geom or its mesh is computed in another way, such as for a shell.
     pub fn check_solid(&self, geom: &Element<'_, 'a, 'i>) -> Result<(), MjcfError> {
         if geom.flag("shellinertia", false)? {
             return Err(geom.refused("shellinertia", SHELL));

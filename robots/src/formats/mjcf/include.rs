@@ -11,9 +11,9 @@ use crate::{FilePosition, ModelWarning, Position};
 /// Maximum size of an included file, bytes.
 const LONGEST: u64 = 16 * 1024 * 1024;
 
-/// A text with its included files inserted, and the origin of each part.
+/// Text of an MJCF file with all included files inserted, and the origin of each part.
 pub struct Expanded {
-    /// The text without `<include>`.
+    /// The text, without `<include>` elements.
     pub text: String,
     /// The main file and its included files, in order.
     files: Vec<(Option<PathBuf>, String)>,
@@ -21,11 +21,11 @@ pub struct Expanded {
     parts: Vec<(usize, usize, usize)>,
 }
 
-/// Replaces each `<include>` by the content of the root element of its file. Paths are relative to the folder
-/// of the main file, and each file is included at most once, as in MuJoCo.
+/// Replaces each `<include>` by the content of the root element of the included file. Paths are relative to
+/// the folder of the main file, and each file is included at most once, as in MuJoCo.
 ///
 /// # Errors
-/// A file is not well-formed XML, cannot be read, or is included twice.
+/// An included file is not well-formed XML, cannot be read, or is included twice.
 pub fn expand(text: &str, file: Option<&Path>) -> Result<Expanded, MjcfError> {
     let mut expanded = Expanded {
         text: String::with_capacity(text.len()),
@@ -105,7 +105,7 @@ impl Expanded {
         (path.as_deref(), Lines::new(text).position((from + offset - start).min(text.len())))
     }
 
-    /// Returns the error with its position in the file where it occurred.
+    /// Returns the error with its position in the file in which it occurred.
     pub fn located(&self, error: MjcfError) -> MjcfError {
         if error.file.is_some() {
             return error;
@@ -114,7 +114,8 @@ impl Expanded {
         MjcfError { file: file.map(Path::to_owned), at, ..error }
     }
 
-    /// Returns the warning with its position in its file, which is named unless it is the main file.
+    /// Returns the warning with its position in the file in which it occurred. The file is named unless it is
+    /// the main file.
     pub fn located_warning(&self, warning: ModelWarning) -> ModelWarning {
         let name = |file: Option<&Path>, what: String| {
             let included = file.filter(|file| Some(*file) != self.files[0].0.as_deref());

@@ -46,7 +46,7 @@ pub use sections::read_assets;
 
 use crate::LoadOptions;
 
-/// Parses MJCF `text`. `file` is its path, used for messages and to find meshes next to it.
+/// Parses MJCF `text`. `file` is its path, which is used in messages and to find meshes.
 ///
 /// A body has the same frame and name as in MuJoCo. A body with several joints becomes a chain of massless
 /// bodies `NAME/JOINT`, the last of which is the body itself. Geoms that do not collide (`contype` and
@@ -55,7 +55,7 @@ use crate::LoadOptions;
 ///
 /// # Errors
 ///
-/// [`MjcfError`], with the position in the text.
+/// [`MjcfError`] with the position in the text.
 pub fn parse_mjcf(text: &str, file: Option<&Path>, options: &LoadOptions) -> Result<MjcfRobot, MjcfError> {
     let expanded = include::expand(text, file)?;
     let mut robot = build::build(&expanded.text, file, options).map_err(|error| expanded.located(error))?;

@@ -11,7 +11,7 @@ use crate::math::lie::so3;
 /// Returns the pose of an element in the surrounding frame.
 ///
 /// # Errors
-/// A value is malformed, or a direction has length 0.
+/// A value is malformed, or a direction has zero length.
 pub fn pose(element: &Element<'_, '_, '_>, compiler: &Compiler) -> Result<Isometry3<f64>, MjcfError> {
     let position = element.numbers::<3>("pos")?.unwrap_or_default();
     Ok(Isometry3::from_parts(Translation3::from(position), rotation(element, compiler)?))

@@ -5,16 +5,16 @@ use crate::{LinkColours, Model, ModelWarning, Profile, Srdf};
 /// A robot read from an MJCF text.
 #[derive(Clone, Debug)]
 pub struct MjcfRobot {
-    /// The robot, with joints in MuJoCo's order.
+    /// Model of the robot, with joints in MuJoCo's order.
     pub model: Model,
-    /// Defects that did not prevent loading, and ignored elements.
+    /// Warnings about defects that did not prevent loading, and about ignored elements.
     pub warnings: Vec<ModelWarning>,
-    /// Pairs of bodies excluded by `<contact><exclude>` or by `contype` and `conaffinity`, as rules for a
-    /// [`CollisionModel`](crate::CollisionModel).
+    /// Pairs of bodies that cannot collide because of `<contact><exclude>`, `contype` or `conaffinity`, as
+    /// rules for a [`CollisionModel`](crate::CollisionModel).
     pub exclusions: Srdf,
-    /// Poses from keyframes, and gains and undriven joints from actuators; `None` without keyframes and
-    /// position actuators.
+    /// Poses from keyframes, and gains and undriven joints from actuators; `None` if the file has neither
+    /// keyframes nor position actuators.
     pub profile: Option<Profile>,
-    /// Colours of the model's shapes, from its geoms (`rgba`) or their materials.
+    /// Colours of the model's shapes, from the `rgba` of its geoms or their materials.
     pub colours: LinkColours,
 }

@@ -17,7 +17,7 @@ pub(crate) enum Use {
     Refused(&'static str),
 }
 
-/// Attributes of an element, grouped by their treatment.
+/// Classification of the attributes of an element, grouped by their treatment.
 pub struct Schema {
     /// Element of `<default>` that provides its defaults, if any.
     pub(crate) kind: &'static str,
@@ -54,7 +54,7 @@ impl Schema {
     }
 }
 
-/// Returns `true` if a value switches an attribute off: zeros, or "false", "auto" or "none".
+/// Returns `true` if a value switches an attribute off: all zeros, "false", "auto" or "none".
 pub fn is_off(value: &str) -> bool {
     let off = |word: &str| matches!(word, "false" | "auto" | "none") || word.parse() == Ok(0.0);
     value.split_whitespace().all(off)
@@ -177,7 +177,7 @@ pub(crate) const EQUALITY: Schema = Schema {
     ],
 };
 
-/// `<connect>` and `<weld>` of bodies.
+/// Attributes of `<connect>` and `<weld>` between bodies.
 pub const HELD: Schema = Schema {
     kind: "equality",
     groups: &[

@@ -42,8 +42,8 @@ pub(crate) fn check_options<'a, 'i>(
     Ok(())
 }
 
-/// Reads the meshes and materials of a section `<asset>`. `file` is the path of the MJCF file; mesh files are
-/// relative to its folder.
+/// Reads the meshes and materials of an `<asset>` section. `file` is the path of the MJCF file, to whose
+/// folder mesh files are relative.
 ///
 /// # Errors
 /// An element or attribute is not supported, or a value is malformed.

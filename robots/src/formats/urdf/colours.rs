@@ -11,7 +11,7 @@ fn elements<'a, 'b>(node: Node<'a, 'b>, name: &'static str) -> impl Iterator<Ite
 }
 
 impl LinkColours {
-    /// Reads the colours in a URDF text; empty for any other text.
+    /// Reads the colours in a URDF text. The result is empty for any other text.
     pub fn of_urdf(text: &str) -> Self {
         Self::of_shapes(visual_colours(text))
     }

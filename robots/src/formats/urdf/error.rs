@@ -6,10 +6,10 @@ use std::path::PathBuf;
 use crate::Position;
 use crate::nearest::suggestion;
 
-/// A URDF error with its position.
+/// An error in a URDF file, with its position.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub struct UrdfError {
-    /// The file, if the text came from one.
+    /// Path of the file; `None` if the text is not from a file.
     pub file: Option<PathBuf>,
     /// Position of the faulty element; `None` if the error concerns the whole file.
     pub at: Option<Position>,
@@ -42,10 +42,10 @@ pub enum UrdfProblem {
     /// The XML is not well-formed.
     #[error("not well-formed XML: {0}")]
     Xml(String),
-    /// The file contains unexpanded xacro.
+    /// The file is an unexpanded xacro file.
     #[error("this is a xacro file, not yet URDF; expand it first: xacro IN.urdf.xacro > OUT.urdf")]
     Xacro,
-    /// The root element is not `<robot>`.
+    /// The root element is not `<robot>`; its name.
     #[error("the root element is <{0}>, expected <robot>")]
     Root(String),
     /// The robot has no links.
@@ -54,40 +54,40 @@ pub enum UrdfProblem {
     /// An attribute is missing.
     #[error("<{element}> has no attribute \"{attribute}\"")]
     MissingAttribute {
-        /// Element at fault.
+        /// Name of the element.
         element: String,
-        /// The missing part.
+        /// Name of the missing attribute.
         attribute: &'static str,
     },
     /// A child element is missing.
     #[error("<{element}> has no <{child}>")]
     MissingElement {
-        /// Element at fault.
+        /// Name of the element.
         element: String,
-        /// The missing part.
+        /// Name of the missing child element.
         child: &'static str,
     },
     /// A child element is duplicated.
     #[error("<{element}> has more than one <{child}>")]
     RepeatedElement {
-        /// Element at fault.
+        /// Name of the element.
         element: String,
-        /// The repeated part.
+        /// Name of the repeated child element.
         child: &'static str,
     },
-    /// The attribute does not contain the expected numbers.
+    /// The value of an attribute is not the expected number of numbers.
     #[error("{attribute}=\"{value}\" of <{element}>: expected {}", numbers(*.expected))]
     Number {
-        /// Element at fault.
+        /// Name of the element.
         element: String,
-        /// Attribute at fault.
+        /// Name of the attribute.
         attribute: &'static str,
-        /// Its value.
+        /// Value of the attribute.
         value: String,
-        /// Expected number of values.
+        /// Expected number of numbers.
         expected: usize,
     },
-    /// The orientation is given in an unsupported form.
+    /// The orientation is a quaternion, which is not supported.
     #[error(
         "quat_xyzw of <origin> is not supported; write the same rotation as rpy=\"ROLL PITCH YAW\" in radians"
     )]
@@ -95,11 +95,11 @@ pub enum UrdfProblem {
     /// The joint type does not exist.
     #[error("joint \"{joint}\" has the unknown type \"{kind}\"{}", suggestion(.nearest.as_deref()))]
     UnknownJointType {
-        /// Joint at fault.
+        /// Name of the joint.
         joint: String,
-        /// Its type.
+        /// Unknown type of the joint.
         kind: String,
-        /// The type most likely meant.
+        /// The closest known type.
         nearest: Option<String>,
     },
     /// The joint type is not supported.
@@ -109,65 +109,67 @@ pub enum UrdfProblem {
          between)"
     )]
     UnsupportedJointType {
-        /// Joint at fault.
+        /// Name of the joint.
         joint: String,
-        /// Its type.
+        /// Type of the joint.
         kind: String,
     },
     /// Two links or two joints have the same name.
     #[error("a second {what} is named \"{name}\"; the first is at line {first}")]
     DuplicateName {
-        /// `link` or `joint`.
+        /// Type of the duplicates: `link` or `joint`.
         what: &'static str,
-        /// The name.
+        /// The duplicate name.
         name: String,
-        /// Line of the first.
+        /// Line of the first occurrence.
         first: u32,
     },
     /// The joint refers to an undefined link.
     #[error("the {role} link of joint \"{joint}\" is \"{link}\", which does not exist{}", suggestion(.nearest.as_deref()))]
     UnknownLink {
-        /// Joint at fault.
+        /// Name of the joint.
         joint: String,
-        /// `parent` or `child`.
+        /// Role of the link: `parent` or `child`.
         role: &'static str,
         /// The unknown name.
         link: String,
-        /// The link most likely meant.
+        /// The closest existing link.
         nearest: Option<String>,
     },
-    /// The link is moved by two joints.
-    #[error("link \"{link}\" is the child of two joints, \"{first}\" and \"{second}\"; a URDF is a tree")]
+    /// A link is the child of two joints.
+    #[error(
+        "link \"{link}\" is the child of two joints, \"{first}\" and \"{second}\"; a URDF must be a tree"
+    )]
     TwoParents {
-        /// Link at fault.
+        /// Name of the link.
         link: String,
-        /// One joint.
+        /// Name of one joint.
         first: String,
-        /// The other.
+        /// Name of the other joint.
         second: String,
     },
-    /// More than one link has no parent joint.
+    /// More than one link has no parent joint; the names of these links.
     #[error("the robot has {} root links: {}; connect them with (fixed) joints", .0.len(), .0.join(", "))]
     SeveralRoots(Vec<String>),
-    /// Links form a cycle.
-    #[error("the links form a loop: {}; a URDF is a tree", .0.join(" -> "))]
+    /// Links form a cycle; their names in order.
+    #[error("the links form a loop: {}; a URDF must be a tree", .0.join(" -> "))]
     Loop(Vec<String>),
     /// The joint mimics an undefined joint.
     #[error("joint \"{joint}\" mimics \"{of}\", which does not exist{}", suggestion(.nearest.as_deref()))]
     UnknownMimic {
-        /// Joint at fault.
+        /// Name of the joint.
         joint: String,
-        /// The unknown name.
+        /// Name of the unknown joint.
         of: String,
-        /// The joint most likely meant.
+        /// The closest existing joint.
         nearest: Option<String>,
     },
-    /// The joint mimics a joint that cannot move.
+    /// The joint mimics a fixed joint.
     #[error("joint \"{joint}\" mimics \"{of}\", which is fixed")]
     MimicOfFixed {
-        /// Joint at fault.
+        /// Name of the joint.
         joint: String,
-        /// The fixed joint.
+        /// Name of the fixed joint.
         of: String,
     },
     /// The joint mimics a joint with several coordinates.
@@ -176,53 +178,53 @@ pub enum UrdfProblem {
          or prismatic joint"
     )]
     MimicOfSeveral {
-        /// Joint at fault.
+        /// Name of the joint.
         joint: String,
-        /// The joint that it mimics.
+        /// Name of the joint that it mimics.
         of: String,
-        /// `floating` or `planar`.
+        /// Type of the mimicked joint: `floating` or `planar`.
         kind: &'static str,
     },
-    /// Joints mimic each other in a loop.
+    /// Joints mimic each other in a loop; their names in order.
     #[error("the joints mimic each other in a loop: {}", .0.join(" -> "))]
     MimicLoop(Vec<String>),
-    /// The revolute or prismatic joint has no limits.
+    /// A revolute or prismatic joint has no limits; its name.
     #[error(
         "joint \"{0}\" has no <limit>; a revolute or prismatic joint needs one (an unlimited joint is \"continuous\")"
     )]
     MissingLimit(String),
-    /// The range is empty.
+    /// The range of a joint is empty.
     #[error("joint \"{joint}\" has its lower limit {lower} above its upper limit {upper}")]
     LowerAboveUpper {
-        /// Joint at fault.
+        /// Name of the joint.
         joint: String,
-        /// Its lower limit.
+        /// Lower limit of the joint.
         lower: f64,
-        /// Its upper limit.
+        /// Upper limit of the joint.
         upper: f64,
     },
-    /// A limit or coefficient is negative.
+    /// A limit or coefficient of a joint is negative.
     #[error("joint \"{joint}\" has a negative {what}: {value}")]
     NegativeJointValue {
-        /// Joint at fault.
+        /// Name of the joint.
         joint: String,
-        /// Name of the value.
+        /// Description of the value.
         what: &'static str,
-        /// The value.
+        /// The negative value.
         value: f64,
     },
-    /// The axis has length zero.
+    /// The axis of the joint with this name has zero length.
     #[error("the axis of joint \"{0}\" is zero")]
     ZeroAxis(String),
-    /// The mass is negative.
+    /// The mass of a link is negative.
     #[error("link \"{link}\" has the negative mass {mass} kg")]
     NegativeMass {
-        /// Link at fault.
+        /// Name of the link.
         link: String,
-        /// Its mass \[kg\].
+        /// Mass of the link \[kg\].
         mass: f64,
     },
-    /// Another problem, with its message.
+    /// Any other problem, with its message.
     #[error("{0}")]
     Reader(String),
 }

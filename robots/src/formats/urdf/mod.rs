@@ -35,14 +35,15 @@ pub use write::{DrawnRobot, draw_as_urdf};
 
 use crate::{LoadOptions, MimicMode, PackagePath};
 
-/// Parses URDF `text`. `file` is its path, used for messages and to find meshes next to it.
+/// Parses URDF `text`. `file` is its path, which is used in messages and to find meshes.
 ///
-/// Reads links, joints with their safety controllers, inertias, collision geometry, and the reduction and
-/// rotor inertia of transmissions. Visuals, materials and extensions of other programs are skipped.
+/// The parser reads links, joints with their safety controllers, inertias, collision geometry, and the
+/// reduction and rotor inertia of transmissions. Visuals, materials and extensions of other programs are
+/// skipped.
 ///
 /// # Errors
 ///
-/// [`UrdfError`], with the position in the text. Defects of real robots' files, such as impossible inertias,
+/// [`UrdfError`] with the position in the text. Common defects of real files, such as impossible inertias,
 /// are warnings.
 pub fn parse_urdf(
     text: &str,
@@ -57,7 +58,7 @@ pub fn parse_urdf(
 ///
 /// # Errors
 ///
-/// Same as [`parse_urdf`].
+/// See [`parse_urdf`].
 pub fn parse_urdf_with(
     text: &str,
     file: Option<&Path>,

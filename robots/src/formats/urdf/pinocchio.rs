@@ -5,10 +5,12 @@ use std::collections::{BTreeMap, HashSet};
 use roxmltree::{Document, Node};
 
 /// Returns the names of the movable joints of a URDF text in Pinocchio's order: depth first, with the joints
-/// below one link, including fixed ones, in alphabetical order. Empty for text that is not URDF.
+/// below one link in alphabetical order, where fixed joints count as well. The list is empty for text that is
+/// not URDF.
 ///
-/// A [`Model`](crate::Model) has parents before children and siblings in the order of the file. Its
-/// [`to_pinocchio`](crate::Model::to_pinocchio) converts the entries of each joint, not their order.
+/// A [`Model`](crate::Model) orders parents before children, and siblings as in the file.
+/// [`Model::to_pinocchio`](crate::Model::to_pinocchio) converts the entries of each joint, but keeps the
+/// model's order.
 ///
 /// ```
 /// let urdf = r#"<robot name="r"><link name="a"/><link name="b"/><link name="c"/>

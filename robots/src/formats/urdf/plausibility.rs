@@ -152,8 +152,8 @@ pub(crate) fn extent(mesh: &TriangleMesh) -> Vector3<f64> {
 }
 
 impl ModelWarning {
-    /// Returns a warning if one of these angles \[rad\] was probably written in degrees; `what` names the
-    /// value and its owner, and `format` is the rule of the file, such as `URDF has radians`.
+    /// Returns a warning if an angle \[rad\] was probably written in degrees. `what` names the value and its
+    /// owner, and `format` is the rule of the file, such as `URDF has radians`.
     ///
     /// ```
     /// use motorium_robots::ModelWarning;
@@ -170,8 +170,8 @@ impl ModelWarning {
         Some(Self::Degrees { what: what.to_owned(), format, angle, at })
     }
 
-    /// Returns a warning of an object of a world with implausible sides \[m\]. Objects that do not move, such
-    /// as buildings, may be larger.
+    /// Returns a warning if an object of a world has an implausible side length. `sides` are its side lengths
+    /// \[m\]. Fixed objects, such as buildings, may be larger than moving ones.
     pub fn of_object(object: &str, sides: [f64; 3], moves: bool) -> Option<Self> {
         let (what, metres, most) = match moves {
             true => ("longest side", sides.into_iter().fold(0.0, f64::max), LONGEST),

@@ -6,8 +6,8 @@ use crate::Model;
 /// A robot read from a URDF text.
 #[derive(Clone, Debug)]
 pub struct UrdfRobot {
-    /// The robot.
+    /// Model of the robot.
     pub model: Model,
-    /// Defects that did not prevent loading.
+    /// Warnings about defects that did not prevent loading.
     pub warnings: Vec<ModelWarning>,
 }

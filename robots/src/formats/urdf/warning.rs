@@ -2,14 +2,14 @@
 
 use crate::{FilePosition, MeshError, MeshProblem, Position};
 
-/// A defect of a loaded model.
+/// A defect of a robot file that does not prevent loading.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ModelWarning {
     /// The rotational inertia of a link is not positive definite.
     #[error("link \"{link}\": rotational inertia is not positive definite (principal moments {}, {}, {} kg m2)",
         moment(.principal[0]), moment(.principal[1]), moment(.principal[2]))]
     NotPositiveDefinite {
-        /// Link at fault.
+        /// Name of the link.
         link: String,
         /// Principal moments, ascending \[kg m2\].
         principal: [f64; 3],
@@ -19,15 +19,15 @@ pub enum ModelWarning {
              the largest exceeds the sum of the others)",
         moment(.principal[0]), moment(.principal[1]), moment(.principal[2]))]
     TriangleInequality {
-        /// Link at fault.
+        /// Name of the link.
         link: String,
         /// Principal moments, ascending \[kg m2\].
         principal: [f64; 3],
     },
     /// A link has a rotational inertia but no mass.
-    #[error("link \"{link}\": rotational inertia without mass")]
+    #[error("link \"{link}\": rotational inertia is set, but the mass is zero")]
     InertiaWithoutMass {
-        /// Link at fault.
+        /// Name of the link.
         link: String,
     },
     /// No link beyond a joint has inertia, so the mass matrix is singular.
@@ -36,26 +36,26 @@ pub enum ModelWarning {
          \"{joint}\" is impossible; give the link an <inertial>"
     )]
     NoInertia {
-        /// Link moved by the joint.
+        /// Name of the link moved by the joint.
         link: String,
-        /// The joint.
+        /// Name of the joint.
         joint: String,
     },
     /// The range of a joint is a single point.
     #[error("joint \"{joint}\": lower and upper limit are both {value}; it cannot move")]
     EmptyRange {
-        /// Joint at fault.
+        /// Name of the joint.
         joint: String,
         /// The only position \[rad or m\].
         value: f64,
     },
-    /// The range of a revolute joint spans several turns, as if given in degrees.
+    /// The range of a revolute joint spans several revolutions, as if given in degrees.
     #[error(
         "joint \"{joint}\": limits {lower} to {upper} rad are {:.0} turns; {format}: if these are degrees, write {:.4} \
          to {:.4}", (.upper - .lower) / core::f64::consts::TAU, .lower.to_radians(), .upper.to_radians()
     )]
     ManyTurns {
-        /// Joint at fault.
+        /// Name of the joint.
         joint: String,
         /// The rule of the file, such as `URDF has radians`.
         format: &'static str,
@@ -64,13 +64,13 @@ pub enum ModelWarning {
         /// Upper limit \[rad\].
         upper: f64,
     },
-    /// A continuous joint has a range of less than a turn.
+    /// A continuous joint has a range of less than a full revolution.
     #[error(
         "joint \"{joint}\": limits {lower} to {upper} have no effect on a continuous joint; if it must not turn further, \
          write type=\"revolute\""
     )]
     ContinuousRange {
-        /// Joint at fault.
+        /// Name of the joint.
         joint: String,
         /// Lower limit \[rad\].
         lower: f64,
@@ -82,31 +82,31 @@ pub enum ModelWarning {
         "joint \"{joint}\": {what} limit is 0, taken literally; leave it out or raise it if it means unknown"
     )]
     ZeroLimit {
-        /// Joint at fault.
+        /// Name of the joint.
         joint: String,
-        /// `velocity` or `effort`.
+        /// Type of the limit: `velocity` or `effort`.
         what: &'static str,
     },
-    /// A limit has no effort.
+    /// The `<limit>` of a joint has no effort.
     #[error("joint \"{joint}\": <limit> has no effort; treated as unlimited")]
     NoEffortLimit {
-        /// Joint at fault.
+        /// Name of the joint.
         joint: String,
     },
     /// An axis is not a unit vector.
     #[error("joint \"{joint}\": axis has length {length}; normalised")]
     AxisLength {
-        /// Joint at fault.
+        /// Name of the joint.
         joint: String,
-        /// Length found.
+        /// Length of the axis.
         length: f64,
     },
     /// The transmission refers to an undefined joint.
     #[error("transmission \"{transmission}\": its joint \"{joint}\" does not exist; ignored")]
     TransmissionJoint {
-        /// The transmission.
+        /// Name of the transmission.
         transmission: String,
-        /// The unknown name.
+        /// Name of the unknown joint.
         joint: String,
     },
     /// A transmission couples several joints or motors.
@@ -115,17 +115,17 @@ pub enum ModelWarning {
          transmissions of one joint and one actuator are supported"
     )]
     CoupledTransmission {
-        /// The transmission.
+        /// Name of the transmission.
         transmission: String,
-        /// Number of its joints.
+        /// Number of joints of the transmission.
         joints: usize,
-        /// Number of its actuators.
+        /// Number of actuators of the transmission.
         actuators: usize,
     },
-    /// An MJCF element that changes the motion in MuJoCo but is not part of a model.
+    /// An element of the file that affects the motion is ignored.
     #[error("{what} ignored (line {}, column {}{}): {reason}", .at.line, .at.column, in_all(*.count))]
     Ignored {
-        /// An attribute and its element, or an element and its section.
+        /// Description: an attribute and its element, or an element and its section.
         what: String,
         /// Position of the first occurrence in the file.
         at: Position,
@@ -140,13 +140,13 @@ pub enum ModelWarning {
         .file[0], .file[1]
     )]
     FollowerRange {
-        /// The joint that is followed.
+        /// Name of the followed joint.
         joint: String,
-        /// The joint that follows it.
+        /// Name of the joint that follows it.
         follower: String,
         /// Lower limit at which the follower is within its own limits \[rad or m\].
         lower: f64,
-        /// Upper limit, likewise \[rad or m\].
+        /// Upper limit at which the follower is within its own limits \[rad or m\].
         upper: f64,
         /// Lower and upper limit in the file \[rad or m\].
         file: [f64; 2],
@@ -156,9 +156,9 @@ pub enum ModelWarning {
         "joint \"{joint}\": its follower \"{follower}\" limits its velocity to {velocity}; the file has {file}"
     )]
     FollowerVelocity {
-        /// The joint that is followed.
+        /// Name of the followed joint.
         joint: String,
-        /// The joint that follows it.
+        /// Name of the joint that follows it.
         follower: String,
         /// Velocity at which the follower moves at its own limit \[rad/s or m/s\].
         velocity: f64,
@@ -171,13 +171,13 @@ pub enum ModelWarning {
          ignored"
     )]
     FollowerOutside {
-        /// The joint that follows.
+        /// Name of the following joint.
         joint: String,
-        /// The joint that it follows.
+        /// Name of the joint that it follows.
         leader: String,
-        /// Its lower limit \[rad or m\].
+        /// Lower limit of the following joint \[rad or m\].
         lower: f64,
-        /// Its upper limit \[rad or m\].
+        /// Upper limit of the following joint \[rad or m\].
         upper: f64,
     },
     /// A moving link has an implausible size, as if lengths were in millimetres.
@@ -186,11 +186,12 @@ pub enum ModelWarning {
          by 1e6"
     )]
     Oversized {
-        /// Link at fault.
+        /// Name of the link.
         link: String,
-        /// `collision shape`, `mesh`, `radius of gyration` or `distance from its parent`.
+        /// Description of the length: `collision shape`, `mesh`, `radius of gyration` or `distance from its
+        /// parent`.
         what: &'static str,
-        /// The length \[m\].
+        /// Implausible length \[m\].
         metres: f64,
     },
     /// An object has an implausible size, as if lengths were in millimetres.
@@ -199,13 +200,13 @@ pub enum ModelWarning {
          them by 1000"
     )]
     OversizedObject {
-        /// Object at fault.
+        /// Name of the object.
         object: String,
-        /// `longest side` of an object that moves, or `shortest side` of a fixed one.
+        /// Description of the length: `longest side` of a moving object, or `shortest side` of a fixed one.
         what: &'static str,
-        /// The length \[m\].
+        /// Implausible length \[m\].
         metres: f64,
-        /// Largest plausible length \[m\].
+        /// Maximum plausible length \[m\].
         most: f64,
     },
     /// The rotational inertia of a link is too small for its mass.
@@ -214,13 +215,13 @@ pub enum ModelWarning {
          osmium's; give the <inertia> in kg m2", moment(*.largest)
     )]
     TinyInertia {
-        /// Link at fault.
+        /// Name of the link.
         link: String,
-        /// Its largest principal moment \[kg m2\].
+        /// Largest principal moment of the link \[kg m2\].
         largest: f64,
-        /// Its mass \[kg\].
+        /// Mass of the link \[kg\].
         mass: f64,
-        /// Moment of the smallest ball of this mass \[kg m2\].
+        /// Moment of inertia of the smallest plausible ball of this mass \[kg m2\].
         least: f64,
     },
     /// The range of a prismatic joint is implausibly long, as if in millimetres.
@@ -229,13 +230,13 @@ pub enum ModelWarning {
          divide them by 1000"
     )]
     LongSlide {
-        /// Joint at fault.
+        /// Name of the joint.
         joint: String,
         /// Lower limit \[m\].
         lower: f64,
         /// Upper limit \[m\].
         upper: f64,
-        /// Longest plausible range \[m\].
+        /// Maximum plausible range \[m\].
         most: f64,
     },
     /// The velocity limit of a prismatic joint is implausibly high, as if in millimetres per second.
@@ -244,35 +245,35 @@ pub enum ModelWarning {
          1000"
     )]
     FastSlide {
-        /// Joint at fault.
+        /// Name of the joint.
         joint: String,
         /// Velocity limit \[m/s\].
         velocity: f64,
-        /// Highest plausible velocity \[m/s\].
+        /// Maximum plausible velocity \[m/s\].
         most: f64,
     },
-    /// An unknown name is similar to a known one, whose default is used.
+    /// An unknown name is similar to a known one, for which the default is used.
     #[error(
         "\"{found}\" of <{element}> is unknown and has no effect (line {}, column {}); did you mean \"{expected}\"?",
         .at.line, .at.column
     )]
     Misspelt {
-        /// The element, and the link or joint it belongs to.
+        /// Description of the element, and the link or joint that it belongs to.
         element: String,
-        /// Name of the attribute or element.
+        /// The unknown name of the attribute or element.
         found: String,
-        /// The known name.
+        /// The similar known name.
         expected: String,
         /// Position of the element.
         at: Position,
     },
-    /// An angle exceeds a turn, as if given in degrees.
+    /// An angle exceeds a full revolution, as if given in degrees.
     #[error(
         "{what} has an angle of {angle} rad{}; {format}: if these are degrees, write {:.4}",
         line(*.at), .angle.to_radians()
     )]
     Degrees {
-        /// The value, and the element, object or robot it belongs to.
+        /// Description of the value, and the element, object or robot that it belongs to.
         what: String,
         /// The rule of the file, such as `URDF has radians`.
         format: &'static str,
@@ -283,15 +284,15 @@ pub enum ModelWarning {
     },
     /// The size of a collision shape is not positive.
     #[error(
-        "{what} of <{element}> is {value} (line {}, column {}); distances and contacts refuse it: give it a size above 0",
+        "{what} of <{element}> is {value} (line {}, column {}), which distances and contacts reject; set it to a size above 0",
         .at.line, .at.column
     )]
     NoSize {
-        /// The element, and the link it belongs to.
+        /// Description of the element, and the link that it belongs to.
         element: String,
         /// Name of the size.
         what: String,
-        /// Its value \[m\].
+        /// Value of the size \[m\].
         value: f64,
         /// Position of the element.
         at: Position,
@@ -299,11 +300,11 @@ pub enum ModelWarning {
     /// A mesh file was not found.
     #[error("link \"{link}\": mesh \"{uri}\" not found{}", searched(.uri, .tried, .at))]
     MissingMesh {
-        /// Link at fault.
+        /// Name of the link.
         link: String,
         /// File name in the robot's file.
         uri: String,
-        /// Folders searched.
+        /// Folders that were searched.
         tried: Vec<std::path::PathBuf>,
         /// Position of the reference.
         at: Option<FilePosition>,
@@ -311,13 +312,13 @@ pub enum ModelWarning {
     /// A mesh file cannot be read.
     #[error("link \"{link}\": mesh \"{uri}\"{}: {error}{}", reference(.at), advice(.error))]
     UnreadableMesh {
-        /// Link at fault.
+        /// Name of the link.
         link: String,
         /// File name in the robot's file.
         uri: String,
         /// Position of the reference.
         at: Option<FilePosition>,
-        /// The fault of the mesh file.
+        /// Error of the mesh file.
         error: MeshError,
     },
 }
@@ -334,7 +335,7 @@ struct Shared<'w> {
 }
 
 impl ModelWarning {
-    /// Formats the warnings, with one text for all links or joints that have the same defect.
+    /// Formats the warnings. Links or joints with the same defect share one text.
     ///
     /// ```
     /// use motorium_robots::ModelWarning;
@@ -461,7 +462,7 @@ fn reference(at: &Option<FilePosition>) -> String {
 fn advice(error: &MeshError) -> &'static str {
     match error.problem {
         MeshProblem::Format => "",
-        _ => "; expected a complete .stl, .obj or .dae file: export it again",
+        _ => "; expected a complete .stl, .obj or .dae file; export it again",
     }
 }
 

@@ -11,18 +11,18 @@ use crate::{Coordinate, Frame, Geometry, Inertia, JointKind, LinkColours, Model,
 /// A robot as URDF text.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DrawnRobot {
-    /// The text.
+    /// URDF text.
     pub text: String,
-    /// Meshes without a file: the names used in the text and the scaled meshes.
+    /// Meshes without a file: the name used in the text, and the scaled mesh.
     pub meshes: Vec<(String, Arc<TriangleMesh>)>,
 }
 
 /// Maximum distance of a frame from its body's frame at which they count as equal \[m, rad\].
 const SAME: f64 = 1e-9;
 
-/// Writes a model as URDF: links with their names, joints with their axes and limits, shapes as visuals.
+/// Writes a model as URDF: links with their names, joints with their axes and limits, and shapes as visuals.
 /// Meshes from files are referenced by `file://` and their path, others by `package://ROBOT/NUMBER.obj`.
-/// World-fixed parts next to a floating base are omitted.
+/// Shapes fixed to the world next to a floating base are omitted.
 ///
 /// ```
 /// use motorium_robots::{MimicMode, PackagePath, draw_as_urdf, load, parse_urdf};

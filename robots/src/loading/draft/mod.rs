@@ -20,14 +20,14 @@ use text::{key, numbers, quoted, rounded, strings};
 use crate::model::configuration::with_joints;
 use crate::{BaseMode, BasePose, Kinematics, Loaded, Model};
 
-/// Returns a draft profile of `robot` as a commented TOML text that is ready to use.
+/// Returns a draft profile of `robot`: a commented TOML text that is ready to use.
 ///
 /// The home pose is inside the limits. Gains, velocities and accelerations follow from the inertias at home
-/// and the limits in the robot's file. Feet and end effectors follow from the SRDF next to it, or from the
-/// names of its links.
+/// and the limits in the robot's file. Feet and end effectors follow from the SRDF next to the file, or else
+/// from the names of the links.
 ///
-/// A robot with at least two feet stands at home with a floating base if a posture is found and `base` is not
-/// [`Fixed`](BaseMode::Fixed); the text states the reason.
+/// A robot with at least two feet stands at home with a floating base if a standing posture is found, unless
+/// `base` is [`Fixed`](BaseMode::Fixed). The text states the reason.
 ///
 /// ```
 /// # use std::path::Path;

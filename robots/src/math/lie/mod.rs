@@ -8,7 +8,7 @@
 //!   `d/dt exp(x) = (Jl x')^ exp(x)`; the right Jacobian maps it to a velocity in body axes,
 //!   `d/dt exp(x) = exp(x) (Jr x')^`. `Jr(x) = Jl(-x)`.
 //!
-//! Nothing here allocates. Results are accurate to a few units in the last place from angle zero to pi: power
+//! Nothing allocates. Results are accurate to a few units in the last place from angle zero to pi: power
 //! series replace closed forms that would subtract nearly equal numbers, and no angle is computed from its
 //! cosine.
 //!

@@ -4,10 +4,10 @@ use nalgebra::Vector3;
 
 use super::{coefficients, so3};
 
-/// A rotation vector with its first and second time derivative.
+/// A rotation vector with its first and second time derivatives.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct RotationRates {
-    /// The rotation vector \[rad\].
+    /// Rotation vector \[rad\].
     pub vector: Vector3<f64>,
     /// First derivative \[rad/s\], which differs from the angular velocity.
     pub rate: Vector3<f64>,
@@ -15,8 +15,8 @@ pub struct RotationRates {
     pub acceleration: Vector3<f64>,
 }
 
-/// Returns the angular velocity \[rad/s\] and angular acceleration \[rad/s2\], in world axes, of the rotation
-/// `exp(phi) r` with `r` at rest.
+/// Returns the angular velocity \[rad/s\] and angular acceleration \[rad/s2\] of the rotation `exp(phi) r` in
+/// world axes, where `r` is constant.
 pub fn angular_motion(phi: &RotationRates) -> (Vector3<f64>, Vector3<f64>) {
     let RotationRates { vector, rate, acceleration } = *phi;
     let angle = vector.norm();
@@ -32,9 +32,9 @@ pub fn angular_motion(phi: &RotationRates) -> (Vector3<f64>, Vector3<f64>) {
     (velocity, angular_acceleration)
 }
 
-/// Returns the rates of the rotation vector for an angular velocity \[rad/s\] and acceleration \[rad/s2\] in
-/// world axes: the inverse of [`angular_motion`]. `None` at a whole turn, where the left Jacobian is
-/// singular.
+/// Returns the rotation vector with its derivatives for an angular velocity \[rad/s\] and acceleration
+/// \[rad/s2\] in world axes. This is the inverse of [`angular_motion`]. `None` at a full revolution, where
+/// the left Jacobian is singular.
 pub fn rotation_rates(
     vector: Vector3<f64>,
     velocity: Vector3<f64>,

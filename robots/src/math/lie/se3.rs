@@ -4,7 +4,8 @@ use nalgebra::{Isometry3, Matrix3, Matrix6, Translation3, Vector3, Vector6};
 
 use super::{coefficients, so3};
 
-/// Returns the motion reached from the identity in unit time with the constant twist `xi`.
+/// Returns the exponential of a twist: the motion from the identity in unit time with the constant twist
+/// `xi`.
 pub fn exp(xi: &Vector6<f64>) -> Isometry3<f64> {
     let (rho, phi) = split(xi);
     let (a, b) = coefficients::left(phi.norm());
@@ -13,8 +14,9 @@ pub fn exp(xi: &Vector6<f64>) -> Isometry3<f64> {
     Isometry3::from_parts(Translation3::from(translation), so3::exp(&phi))
 }
 
-/// Returns the twist that moves the identity to `motion` in unit time with the smallest rotation, at most pi.
-/// At exactly half a turn, one of the two opposite rotations is chosen.
+/// Returns the logarithm of a motion: the twist that reaches `motion` from the identity in unit time, with
+/// the smallest rotation, at most pi. At a rotation of exactly pi, one of the two opposite rotations is
+/// chosen.
 pub fn log(motion: &Isometry3<f64>) -> Vector6<f64> {
     let phi = so3::log(&motion.rotation);
     let t = motion.translation.vector;
@@ -23,26 +25,26 @@ pub fn log(motion: &Isometry3<f64>) -> Vector6<f64> {
     stack(&rho, &phi)
 }
 
-/// Returns the derivative of [`log`]: `d/dt log(M) = log_jacobian(M) * twist`, where `twist` is the body
-/// velocity of `M`, `M^-1 dM/dt`. It is the inverse of the right Jacobian at `log(M)`.
+/// Returns the derivative of [`log`], such that `d/dt log(M) = log_jacobian(M) * twist`. Here `twist` is the
+/// body velocity of `M`, `M^-1 dM/dt`. The result is the inverse of the right Jacobian at `log(M)`.
 pub fn log_jacobian(motion: &Isometry3<f64>) -> Matrix6<f64> {
     right_jacobian_inverse(&log(motion))
 }
 
-/// Returns the left Jacobian: the derivative of [`exp`] as a velocity in world axes.
+/// Returns the left Jacobian at `xi`: the derivative of [`exp`] as a velocity in world axes.
 pub fn left_jacobian(xi: &Vector6<f64>) -> Matrix6<f64> {
     let (rho, phi) = split(xi);
     triangular(&so3::left_jacobian(&phi), &coupling(&rho, &phi))
 }
 
-/// Returns the inverse of the left Jacobian, for rotations below 2 pi, where it is singular.
+/// Returns the inverse of the left Jacobian, for rotations below 2 pi. The left Jacobian is singular at 2 pi.
 pub fn left_jacobian_inverse(xi: &Vector6<f64>) -> Matrix6<f64> {
     let (rho, phi) = split(xi);
     let rotation = so3::left_jacobian_inverse(&phi);
     triangular(&rotation, &(-rotation * coupling(&rho, &phi) * rotation))
 }
 
-/// Returns the right Jacobian, which is the left one at `-xi`.
+/// Returns the right Jacobian at `xi`, which is the left Jacobian at `-xi`.
 pub fn right_jacobian(xi: &Vector6<f64>) -> Matrix6<f64> {
     left_jacobian(&-xi)
 }
@@ -52,14 +54,14 @@ pub fn right_jacobian_inverse(xi: &Vector6<f64>) -> Matrix6<f64> {
     left_jacobian_inverse(&-xi)
 }
 
-/// Returns the adjoint of `motion`, which maps the body velocity of a frame to its velocity in the axes and
-/// at the origin of the frame in which `motion` is expressed.
+/// Returns the adjoint of `motion`. It maps the velocity of a frame in its own axes and at its own origin to
+/// the axes and the origin of the frame in which `motion` is expressed.
 pub fn adjoint(motion: &Isometry3<f64>) -> Matrix6<f64> {
     let rotation = motion.rotation.to_rotation_matrix().into_inner();
     triangular(&rotation, &(motion.translation.vector.cross_matrix() * rotation))
 }
 
-/// Stacks the linear and angular part into one vector.
+/// Stacks a linear and an angular part into one vector, linear part first.
 pub fn stack(linear: &Vector3<f64>, angular: &Vector3<f64>) -> Vector6<f64> {
     Vector6::new(linear.x, linear.y, linear.z, angular.x, angular.y, angular.z)
 }

@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, Quaternion, Unit, UnitQuaternion, Vector3};
 
 use super::coefficients;
 
-/// Returns the rotation by `|phi|` rad about `phi`.
+/// Returns the exponential of a rotation vector: the rotation by `|phi|` rad about `phi`.
 pub fn exp(phi: &Vector3<f64>) -> UnitQuaternion<f64> {
     let (sin, cos) = (0.5 * phi.norm()).sin_cos();
     // sin(t/2) / t tends to 1/2; below this angle the difference is under half a unit in the last place
@@ -13,8 +13,8 @@ pub fn exp(phi: &Vector3<f64>) -> UnitQuaternion<f64> {
     UnitQuaternion::new_normalize(Quaternion::from_parts(cos, phi * factor))
 }
 
-/// Returns the shortest rotation vector, at most pi. `q` and `-q` give the same vector. At exactly half a
-/// turn, one of the two opposite vectors is chosen.
+/// Returns the logarithm of a rotation: the shortest rotation vector, of length at most pi. `q` and `-q` give
+/// the same vector. At a rotation of exactly pi, one of the two opposite vectors is chosen.
 pub fn log(rotation: &UnitQuaternion<f64>) -> Vector3<f64> {
     let sign = if rotation.w < 0.0 { -1.0 } else { 1.0 };
     let (real, imaginary) = (rotation.w * sign, rotation.imag() * sign);
@@ -24,21 +24,21 @@ pub fn log(rotation: &UnitQuaternion<f64>) -> Vector3<f64> {
     imaginary * factor
 }
 
-/// The left Jacobian `1 + a [phi] + b [phi]^2`, `a = (1 - cos t) / t^2`, `b = (t - sin t) / t^3`, `t =
-/// |phi|`.
+/// Returns the left Jacobian `1 + a [phi] + b [phi]^2`, with `a = (1 - cos t) / t^2`, `b = (t - sin t) / t^3`
+/// and `t = |phi|`.
 pub fn left_jacobian(phi: &Vector3<f64>) -> Matrix3<f64> {
     let (a, b) = coefficients::left(phi.norm());
     let cross = phi.cross_matrix();
     Matrix3::identity() + cross * a + cross * cross * b
 }
 
-/// Returns the inverse of the left Jacobian, for `|phi|` below 2 pi, where it is singular.
+/// Returns the inverse of the left Jacobian, for `|phi|` below 2 pi. The left Jacobian is singular at 2 pi.
 pub fn left_jacobian_inverse(phi: &Vector3<f64>) -> Matrix3<f64> {
     let cross = phi.cross_matrix();
     Matrix3::identity() - cross * 0.5 + cross * cross * coefficients::left_inverse(phi.norm())
 }
 
-/// Returns the right Jacobian, which is the left one at `-phi` and its transpose.
+/// Returns the right Jacobian at `phi`, which is the left Jacobian at `-phi` and its transpose.
 pub fn right_jacobian(phi: &Vector3<f64>) -> Matrix3<f64> {
     left_jacobian(&-phi)
 }
@@ -49,10 +49,10 @@ pub fn right_jacobian_inverse(phi: &Vector3<f64>) -> Matrix3<f64> {
 }
 
 /// Returns the smallest rotation from `from` to `to`. For vectors that are opposite up to rounding, it is a
-/// half turn about an axis perpendicular to `from`.
+/// rotation by pi about an axis perpendicular to `from`.
 ///
-/// It is accurate to rounding at every angle: half the sine and half the cosine are lengths of the sum and
-/// the difference.
+/// The result is accurate to rounding at every angle: sine and cosine of half the angle are computed from the
+/// lengths of the difference and the sum.
 pub fn least_rotation(from: &Unit<Vector3<f64>>, to: &Unit<Vector3<f64>>) -> UnitQuaternion<f64> {
     let (from, to) = (from.into_inner(), to.into_inner());
     let (sum, difference) = (from + to, from - to);

@@ -1,16 +1,16 @@
 //! Errors of derived schemas.
 
-/// Error of a layout or a message that cannot be read.
+/// The layout of a type cannot be converted to a schema, or a message cannot be decoded.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum DerivedError {
-    /// A field has a type that no state buffer contains, or exceeds the buffer.
+    /// A field has a type that state buffers do not support, or extends beyond the buffer.
     #[error(
-        "field `{field}` of `{type_name}` is {kind} at byte {offset}, which cannot be written as protobuf"
+        "field `{field}` of `{type_name}` has type {kind} at byte {offset}, which cannot be encoded as protobuf"
     )]
     Field {
-        /// The type.
+        /// Name of the type.
         type_name: String,
-        /// The field.
+        /// Name of the field.
         field: String,
         /// Type of the field in the layout.
         kind: String,
@@ -20,9 +20,9 @@ pub enum DerivedError {
     /// The message is damaged or truncated.
     #[error("a message of `{schema}` is damaged{}", .field.as_ref().map_or_else(String::new, |field| format!(" in field `{field}`")))]
     Message {
-        /// Name of the schema.
+        /// Name of the message's schema.
         schema: String,
-        /// The faulty field, if known.
+        /// Damaged field, if known.
         field: Option<String>,
     },
 }

@@ -5,9 +5,9 @@ use motorium::state::{JointCommand, JointState, StateBuffer as _, from_bytes};
 
 use super::super::{Recording, Signal};
 
-/// Returns state and action of a recording with one commanded robot. The state consists of the measured
-/// positions read by the writer of the joint commands. The action consists of the commanded positions, or of
-/// the efforts if no position is controlled. Returns `None` without joint states or joint commands, or with
+/// Returns the default state and action signals of a recording with one commanded robot. The state is the
+/// measured positions read by the writer of the joint commands. The action is the commanded positions, or the
+/// efforts if no position is controlled. Returns `None` without joint states or joint commands, or with
 /// several writers of commands.
 pub fn usual_signals(recording: &Recording, plan: &Plan) -> Option<(Signal, Signal)> {
     let of_type = |name: &'static str| {

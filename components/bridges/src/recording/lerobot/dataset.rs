@@ -1,23 +1,23 @@
-//! The contents of a dataset.
+//! Selection of the signals and cameras of a dataset.
 
 use super::super::Signal;
 
-/// The contents of a dataset.
+/// Selection of the signals and cameras of a dataset, and its description.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Dataset {
-    /// Policy inputs: `observation.state`, concatenated signals.
+    /// Signals of the policy input `observation.state`, concatenated.
     pub state: Vec<Signal>,
-    /// Policy outputs: `action`.
+    /// Signals of the policy output `action`, concatenated.
     pub action: Vec<Signal>,
-    /// Policy images: the latest image of each camera at each frame.
+    /// Cameras of the policy input. Each frame contains the latest image of each camera.
     pub cameras: Vec<Camera>,
-    /// Frames per second.
+    /// Frame rate, frames per second.
     pub fps: u32,
     /// Description of the task.
     pub task: String,
     /// Type of the robot.
     pub robot: Option<String>,
-    /// Names of the entries of state and action; signal names where entry names are missing.
+    /// Names of the entries of state and action. Entries without a name have the name of their signal.
     pub names: [Vec<String>; 2],
 }
 
@@ -26,7 +26,7 @@ pub struct Dataset {
 pub struct Camera {
     /// Topic of its images.
     pub topic: String,
-    /// Name of its feature after `observation.images.`.
+    /// Name of the feature, after `observation.images.`.
     pub name: String,
 }
 

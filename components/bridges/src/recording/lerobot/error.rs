@@ -5,58 +5,58 @@ use std::path::PathBuf;
 
 use super::super::SignalsError;
 
-/// Error of writing a dataset.
+/// The dataset cannot be written.
 #[derive(Debug, thiserror::Error)]
 pub enum DatasetError {
-    /// The recording cannot be read, or has no such signal.
+    /// The recording cannot be read, or lacks a signal.
     #[error(transparent)]
     Signals(#[from] SignalsError),
     /// A file cannot be written.
     #[error("{path}: {source}", path = .path.display())]
     Write {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
         /// System error.
         source: io::Error,
     },
-    /// The length of a signal changed.
+    /// The number of entries of a signal changes during the recording.
     #[error(
-        "the {what} has {found} numbers at {time_s:.3} s, expected {expected} as before: all frames of a dataset have the same width; \
-         choose entries, such as TOPIC.FIELD[0..{least}]"
+        "the {what} has {found} numbers at {time_s:.3} s, expected {expected} as before, because all frames of a dataset have the same width; \
+         select entries, such as TOPIC.FIELD[0..{least}]"
     )]
     Width {
         /// `state` or `action`.
         what: &'static str,
-        /// Numbers found.
+        /// Number of entries found.
         found: usize,
-        /// Numbers expected.
+        /// Number of entries of earlier samples.
         expected: usize,
-        /// Smaller of both lengths.
+        /// Smaller of the two numbers.
         least: usize,
         /// Time since the beginning of the recording, s.
         time_s: f64,
     },
     /// The recording has no images on this topic.
-    #[error("the recording has no pictures of `{topic}`; {advice}")]
+    #[error("the recording has no images on `{topic}`; {advice}")]
     NoPictures {
-        /// The topic.
+        /// Name of the topic.
         topic: String,
-        /// Suggested topic, or all topics.
+        /// Similar topic, or all topics.
         advice: String,
     },
-    /// A dataset cannot store the image.
-    #[error("the picture of `{topic}` at {time_s:.3} s {found}")]
+    /// The image has a format that a dataset cannot store.
+    #[error("the image on `{topic}` at {time_s:.3} s {found}")]
     Picture {
-        /// The topic.
+        /// Name of the topic.
         topic: String,
         /// Time since the beginning of the recording, s.
         time_s: f64,
-        /// Reason.
+        /// Reason, as a phrase that follows the name of the image.
         found: String,
     },
     /// The signals and images were never all available at the same time.
     #[error(
-        "the dataset has no frame, because all signals of the state and the action, and pictures of all cameras, were never available together"
+        "the dataset has no frame, because all signals of the state and the action, and images of all cameras, were never available together"
     )]
     Empty,
 }

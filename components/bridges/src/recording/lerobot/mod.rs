@@ -42,17 +42,17 @@ const TASKS: &str = "meta/tasks.parquet";
 /// Frames per row group with images: the data of a row group must stay below two gigabytes.
 const GROUP: usize = 200;
 
-/// Counts of a written dataset.
+/// Size of a written dataset.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct DatasetCounts {
-    /// Episodes.
+    /// Number of episodes.
     pub episodes: usize,
-    /// Frames of all episodes.
+    /// Number of frames of all episodes.
     pub frames: usize,
 }
 
-/// Writes a recording as a dataset into a folder. Each frame contains the latest samples at its time. The
-/// first frame of an episode is at the time when all signals have a sample.
+/// Writes a recording as a dataset into a folder. Each frame contains the latest samples at its time. An
+/// episode starts with a frame when all signals have a sample.
 ///
 /// # Errors
 /// Returns an error if the recording cannot be read or lacks the signals, or the files cannot be written.

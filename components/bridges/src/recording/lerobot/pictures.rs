@@ -15,8 +15,8 @@ use crate::png;
 /// Encoding of depths in metres.
 const DEPTH: &str = "32FC1";
 
-/// Returns the cameras whose images fit a dataset, with 8 bits per colour, and the topics of the others, such
-/// as depth images.
+/// Returns the cameras whose images a dataset can store, with 8 bits per colour, and the image topics that it
+/// cannot, such as depth images.
 pub fn usual_cameras(recording: &Recording) -> (Vec<Camera>, Vec<String>) {
     let mut is_depth = vec![None; recording.pictures().len()];
     for picture in recording.images() {
@@ -122,7 +122,8 @@ impl Pictures {
                 self.size = size;
             } else if self.size != size {
                 let (width, height) = self.size;
-                let found = format!("has {} x {} pixels, the ones before {width} x {height}", size.0, size.1);
+                let found =
+                    format!("has {} x {} pixels, expected {width} x {height} as before", size.0, size.1);
                 return Err(wrong(found));
             }
             let mut of_picture: Brightness = [[0; 256]; 3];
@@ -223,7 +224,7 @@ fn colours(image: &RawImage) -> Result<Vec<u8>, String> {
         "bgr8" => &[2, 1, 0],
         "mono8" => &[0, 0, 0],
         DEPTH => {
-            return Err("contains depths in metres, but a dataset requires 8 bits per colour: \
+            return Err("contains depths in metres, but a dataset requires 8 bits per colour; \
                         select other cameras with `--pictures`"
                 .to_string());
         }
@@ -232,7 +233,10 @@ fn colours(image: &RawImage) -> Result<Vec<u8>, String> {
     let bytes = places.iter().max().map_or(1, |last| last + 1);
     let (width, height, step) = (image.width as usize, image.height as usize, image.step as usize);
     if step < width * bytes || image.data.len() < step * height {
-        return Err(format!("has {} bytes, too few for {width} x {height} pixels", image.data.len()));
+        return Err(format!(
+            "has {} bytes, which are too few for {width} x {height} pixels",
+            image.data.len()
+        ));
     }
     let rows = image.data.chunks_exact(step.max(1)).take(height);
     let pixels = rows.flat_map(|row| row[..width * bytes].chunks_exact(bytes));

@@ -10,12 +10,13 @@ use super::super::{RecordedSample, Recording};
 use super::spectral_arc_length;
 use crate::foxglove::load_in_world;
 
-/// Tolerances within which a goal counts as reached, overriding the reader's configuration.
+/// Tolerances within which a goal counts as reached. They override the tolerances in the reader's
+/// configuration.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Tolerance {
-    /// Distance, m.
+    /// Position tolerance, m.
     pub position: Option<f64>,
-    /// Angle, rad.
+    /// Orientation tolerance, rad.
     pub orientation: Option<f64>,
 }
 
@@ -26,46 +27,49 @@ const ORIENTATION: f64 = 0.02;
 /// Time for which the target must rest at the last goal of a run or episode for the goal to count, s.
 const SETTLE_S: f64 = 0.2;
 
-/// A frame that follows the pose targets of one topic.
+/// Score of a frame that follows the pose targets of one topic.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct PoseScore {
-    /// The topic of the targets.
+    /// Topic of the pose targets.
     pub target: String,
-    /// The component that reads the targets.
+    /// Name of the component that reads the targets.
     pub reader: String,
     /// Topic of the joint states or of the base state that the component reads.
     pub state: String,
-    /// The frame.
+    /// Name of the frame.
     pub frame: String,
-    /// Number of goals where the target rested and the frame was within the tolerances when the target moved
-    /// on.
+    /// Number of reached goals: the target rested, and the frame was within the tolerances when the target
+    /// moved on.
     pub goals_reached: u64,
-    /// Number of goals where the frame was outside the tolerances.
+    /// Number of missed goals: the frame was outside the tolerances when the target moved on.
     pub goals_missed: u64,
-    /// Largest distance at any of these goals, m.
+    /// Maximum position error of the goals, m; `None` without goals. The error is measured when the target
+    /// moves on.
     pub position_error_m: Option<f64>,
-    /// Largest angle at any of these goals, rad.
+    /// Maximum orientation error of the goals, rad; `None` without goals. The error is measured when the
+    /// target moves on.
     pub orientation_error_rad: Option<f64>,
     /// Root mean square distance of the frame from the target over the whole recording, m.
     pub path_position_rms_m: f64,
-    /// Largest distance of the frame from the target over the whole recording, m.
+    /// Maximum distance of the frame from the target over the whole recording, m.
     pub path_position_max_m: f64,
     /// Root mean square angle between frame and target over the whole recording, rad.
     pub path_orientation_rms_rad: f64,
-    /// Largest angle between frame and target over the whole recording, rad.
+    /// Maximum angle between frame and target over the whole recording, rad.
     pub path_orientation_max_rad: f64,
     /// Mean [smoothness](GoalScore::smoothness) of the movements to the goals.
     pub smoothness: Option<f64>,
     /// `true` if the reader does not control the position; the position errors are then meaningless.
     pub position_is_free: bool,
-    /// `true` if the reader does not control the orientation.
+    /// `true` if the reader does not control the orientation; the orientation errors are then meaningless.
     pub orientation_is_free: bool,
     /// Goals in time order.
     pub goals: Vec<GoalScore>,
 }
 
 impl PoseScore {
-    /// Formats a distance \[m\] and an angle \[rad\] in mm and mrad, omitting an uncontrolled one.
+    /// Formats a position error \[m\] and an orientation error \[rad\] in mm and mrad. An error that the
+    /// reader does not control is omitted.
     pub fn errors(&self, position: f64, orientation: f64) -> String {
         let both = [
             (self.position_is_free, format!("{:.3} mm", 1e3 * position)),
@@ -77,12 +81,12 @@ impl PoseScore {
     }
 }
 
-/// Goal at which the target has rested.
+/// Score of one goal at which the target has rested.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct GoalScore {
-    /// Number of the episode.
+    /// Index of the episode.
     pub episode: u64,
-    /// Goal number of the target.
+    /// Number of the goal in the target's messages.
     pub goal: u64,
     /// Time at which the target came to rest, s since the first sample of the recording.
     pub at_rest_s: f64,
@@ -90,7 +94,7 @@ pub struct GoalScore {
     pub position_error_m: f64,
     /// Angle between the frame and the goal when the target moved on, rad.
     pub orientation_error_rad: f64,
-    /// `true` if both were within the tolerances.
+    /// `true` if both errors were within the tolerances.
     pub reached: bool,
     /// Spectral arc length of the frame's speed on the path to the goal. It is about -1.4 for a movement with
     /// one acceleration and one deceleration, and lower for hesitant movements.

@@ -8,39 +8,39 @@ use serde::Serialize;
 use super::super::{RecordedSample, Recording, Tracking};
 use crate::foxglove::{load_in_world, robot_of_topic};
 
-/// Joints of one topic of joint states.
+/// Scores of the joints in one topic of joint states.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct JointsScore {
-    /// The topic.
+    /// Topic of the joint states.
     pub state: String,
-    /// Topic of the commands that the joints follow, if an actuator published the state.
+    /// Topic of the commands that the joints follow; `None` if the state was not published by an actuator.
     pub command: Option<String>,
-    /// Joints, in the order of the robot model.
+    /// Scores of the joints, in the order of the robot model.
     pub joints: Vec<JointScore>,
 }
 
 /// Score of one joint. Positions are in rad for revolute joints and in m for prismatic joints.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct JointScore {
-    /// Its name.
+    /// Name of the joint.
     pub name: String,
     /// Root mean square distance from the commanded position; `null` without position commands.
     pub tracking_rms: Option<f64>,
-    /// Largest distance from the commanded position.
+    /// Maximum distance from the commanded position; `null` without position commands.
     pub tracking_max: Option<f64>,
-    /// Lowest position.
+    /// Minimum measured position.
     pub position_min: f64,
-    /// Highest position.
+    /// Maximum measured position.
     pub position_max: f64,
     /// Minimum distance from a position limit, negative beyond the limit; `null` without a limit.
     pub position_margin: Option<f64>,
-    /// Largest speed, rad/s or m/s.
+    /// Maximum speed, rad/s or m/s.
     pub velocity_max: f64,
-    /// Largest speed as a fraction of the velocity limit; `null` without a limit.
+    /// Maximum speed as a fraction of the velocity limit; `null` without a limit.
     pub velocity_share: Option<f64>,
-    /// Largest effort, N m or N.
+    /// Maximum effort, N m or N.
     pub effort_max: f64,
-    /// Largest effort as a fraction of the effort limit; `null` without a limit.
+    /// Maximum effort as a fraction of the effort limit; `null` without a limit.
     pub effort_share: Option<f64>,
     /// Number of samples beyond a position or velocity limit.
     pub beyond_limits: u64,

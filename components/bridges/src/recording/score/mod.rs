@@ -1,8 +1,8 @@
 //! The score of a run, computed from its recording: goals, paths, tracking and limits.
 //!
-//! The score does not rely on figures reported by components. Frame poses are computed from recorded joint
-//! states with motorium's kinematics, configured as in the component that read the targets, and compared with
-//! the recorded targets.
+//! The score does not rely on figures reported by components. It compares recorded targets with frame poses,
+//! which are computed from recorded joint states with motorium's kinematics. The frame is the one that the
+//! reader of the targets controls.
 
 mod goals;
 mod joints;
@@ -37,9 +37,9 @@ pub struct Score {
     pub graph: String,
     /// Time from the first sample to the last, s.
     pub duration_s: f64,
-    /// Score of each component that reads a topic of pose targets.
+    /// Score of each component that reads pose targets.
     pub poses: Vec<PoseScore>,
-    /// Score of each topic of joint states of a robot.
+    /// Score of each topic with the joint states of a robot.
     pub joints: Vec<JointsScore>,
 }
 
@@ -60,7 +60,7 @@ pub fn score(recording: &Recording, plan: &Plan, tolerance: Tolerance) -> Result
 }
 
 impl Analysis {
-    /// Computes the score of the analysed recording.
+    /// Computes the score of a recording from its analysis.
     ///
     /// # Errors
     /// Returns an error if a message is damaged.

@@ -24,7 +24,7 @@ pub struct BlobConfig {
     pub camera: Mount,
     /// Colour of the object: red, green and blue, 0 to 1. Brightness is ignored.
     pub colour: [f64; 3],
-    /// Largest angle between the levels of a pixel and the colour, both taken as vectors (rad). Default 0.15.
+    /// Maximum angle between the colour of a pixel and `colour` as vectors (rad). Default 0.15.
     #[serde(default = "tolerance")]
     pub tolerance: f64,
     /// Minimum level, 0 to 255, of the brightest channel of a matching pixel. Default 30.
@@ -33,23 +33,23 @@ pub struct BlobConfig {
     /// Minimum number of pixels of an object. Default 8.
     #[serde(default = "least_pixels")]
     pub least_pixels: u32,
-    /// Radius of the object, assumed to be a sphere, from which its distance is computed (m). Default: the
-    /// object is at `distance`.
+    /// Radius of the object, assumed to be a sphere (m). Its distance is computed from this radius. Default:
+    /// the object is at `distance`.
     #[serde(default)]
     pub radius: Option<f64>,
-    /// Distance of an object of unknown size (m). Default 1.
+    /// Assumed distance to the object if `radius` is not set (m). Default 1.
     #[serde(default = "distance")]
     pub distance: f64,
     /// Smoothing of position and velocity, from 0 (none) to below 1. Default 0.5.
     #[serde(default = "smoothing")]
     pub smoothing: f64,
-    /// Time without a detection after which nothing is published. Default 500 ms.
+    /// Time without a detection after which publication stops. Default 500 ms.
     #[serde(default = "lost_after")]
     pub lost_after: TimeSpan,
-    /// Time for which camera poses are kept, which is the maximum age of an image. Default 200 ms.
+    /// Duration of the buffer of camera poses, which limits the age of an image. Default 200 ms.
     #[serde(default = "history")]
     pub history: TimeSpan,
-    /// Time after the first detection before errors are scored. Default 1 s.
+    /// Time from the first detection until errors are scored. Default 1 s.
     #[serde(default = "settle")]
     pub settle: TimeSpan,
 }
@@ -104,7 +104,7 @@ impl BlobConfig {
             )));
         }
         if self.history.ns > 10_000_000_000 {
-            let message = format!("{}: expected at most 10 s", self.history);
+            let message = format!("{} is too long, expected at most 10 s", self.history);
             return Err(ConfigError::key("history", message));
         }
         Hue::new(self.colour, self.tolerance, self.least_level).map_err(refused)

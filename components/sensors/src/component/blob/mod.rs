@@ -18,10 +18,11 @@ use history::PoseHistory;
 /// Capacity of the image queue.
 const PICTURES: usize = 2;
 
-/// A component that finds the object in each image and publishes its position in the world at its own rate.
+/// A component that detects a coloured object in each image and publishes its position in the world. It
+/// publishes at its own rate.
 ///
-/// Images arrive with a delay. The camera pose is therefore looked up at the time of exposure. The published
-/// position is predicted to the time of the step from its velocity.
+/// Images arrive with a delay, so the camera pose at the time of exposure is used. The published position is
+/// extrapolated to the time of the step with the estimated velocity.
 pub struct BlobEstimator {
     motion: TrueMotion,
     history: PoseHistory,
@@ -98,7 +99,7 @@ impl Component for BlobEstimator {
             let Some(info) = info.latest() else { continue };
             if info.encoding != ImageInfo::RGB_8 || info.focal_length.iter().any(|length| *length <= 0.0) {
                 return Err(StepError::failed(
-                    "the images are not red, green and blue with a known focal length",
+                    "the format of the images is not supported, expected red, green and blue with a known focal length",
                 ));
             }
             counts.pictures += 1;

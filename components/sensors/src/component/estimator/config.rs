@@ -19,30 +19,30 @@ use crate::estimation::{FilterNoise, StartDeviations};
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct BaseEstimatorConfig {
-    /// Mount of the inertial measurement unit on the robot's root link. Default: its origin.
+    /// Mount of the inertial measurement unit on the robot's root link. Default: the origin of the link.
     pub mount: Mount,
-    /// Standard deviation of a joint position (rad or m). Default 1e-3.
+    /// Standard deviation of joint position readings (rad or m). Default 1e-3.
     #[schemars(range(min = 0.0))]
     pub encoder_noise: f64,
     /// Noise of the inertial measurement unit and of the contacts.
     pub noise: FilterNoise,
-    /// Standard deviations of the start.
+    /// Standard deviations of the initial state.
     pub start_deviations: StartDeviations,
-    /// Pose of the base at the start. Default: the profile's base pose in the home pose.
+    /// Initial pose of the base. Default: the profile's base pose in the home pose.
     pub start: Option<StartPose>,
-    /// Duration of the alignment at the start, during which the robot stands still. Tilt and gyroscope bias
-    /// are the mean of the readings in it. Default 100 ms.
+    /// Duration of the initial alignment, during which the robot must stand still. Tilt and gyroscope bias
+    /// are initialised with the mean of the readings during this time. Default 100 ms.
     pub align: TimeSpan,
     /// Minimum duration of a contact before the foot is used, since it may slip at touchdown. Default 10 ms.
     pub contact_delay: TimeSpan,
-    /// Feet with a radius roll on level ground. False: they are points. Default true.
+    /// `true` if feet with a radius roll on level ground, `false` if they are points. Default true.
     pub rolling: bool,
     /// Gravitational acceleration (m/s^2). Default: the value in the graph's `[world]`, else standard
     /// gravity.
     pub gravity: [f64; 3],
 }
 
-/// Pose of the base at the start; its tilt is measured.
+/// Initial pose of the base. The tilt is measured.
 ///
 /// ```toml
 /// position = [0.0, 0.0, 0.24]
@@ -53,7 +53,7 @@ pub struct BaseEstimatorConfig {
 pub struct StartPose {
     /// Position of the base frame in the world (m).
     pub position: [f64; 3],
-    /// Angle about the vertical (rad). Default 0.
+    /// Angle about the vertical axis (rad). Default 0.
     #[serde(default)]
     pub yaw: f64,
 }
@@ -108,9 +108,9 @@ impl BaseEstimatorConfig {
         if self.encoder_noise == 0.0 && foot == 0.0 {
             return Err(ConfigError::key(
                 "noise.foot",
-                "feet without any error are a measurement without noise",
+                "`noise.foot` and `encoder_noise` are both 0, but measurements of feet need noise",
             )
-            .advise("give `noise.foot` or `encoder_noise` a standard deviation"));
+            .advise("set `noise.foot` or `encoder_noise` to a standard deviation above 0"));
         }
         if !self.gravity.iter().all(|number| number.is_finite()) || self.gravity == [0.0; 3] {
             return Err(ConfigError::key("gravity", "expected finite numbers that are not all zero"));
@@ -122,7 +122,7 @@ impl BaseEstimatorConfig {
         if self.align.ns == 0 {
             return Err(ConfigError::key(
                 "align",
-                "the tilt at the start is measured: expected a time above zero",
+                "the duration is 0, but the initial tilt is measured during it; expected a time above 0",
             ));
         }
         Ok(())

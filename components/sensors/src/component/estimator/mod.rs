@@ -14,7 +14,7 @@ use score::{Estimate, Score};
 use super::robot::{self, name, too_few_joints};
 use crate::estimation::{ContactKinematics, FilterState, InvariantFilter};
 
-/// A component that estimates pose and velocity of a legged robot's base by an [`InvariantFilter`].
+/// A component that estimates the pose and velocity of a legged robot's base with an [`InvariantFilter`].
 ///
 /// Each IMU reading propagates the filter. Feet in contact correct it, using the latest joint state and
 /// contacts.
@@ -327,7 +327,8 @@ impl Legs {
             );
         }
         if model.joint_count() > MAX_JOINTS {
-            let message = format!("the robot has {} joints, at most {MAX_JOINTS} fit", model.joint_count());
+            let message =
+                format!("the robot has {} joints, expected at most {MAX_JOINTS}", model.joint_count());
             return Err(ConfigError::key("robot", message));
         }
         let mut q = vec![0.0; model.nq()];
@@ -382,7 +383,9 @@ fn sensor_on_base(config: &BaseEstimatorConfig, robot: &Loaded) -> Result<Isomet
     let frame = &robot.model.frames()[frame.index()];
     if frame.body.is_some() || frame.in_world {
         let message = format!("link `{}` is not fixed to the base", frame.name);
-        return Err(ConfigError::key("mount.frame", message).advise("the sensor is on the root link"));
+        return Err(
+            ConfigError::key("mount.frame", message).advise("name the root link or a link fixed to it")
+        );
     }
     Ok(frame.placement * config.mount.pose()?)
 }

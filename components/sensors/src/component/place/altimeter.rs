@@ -19,15 +19,15 @@ sensor_config! {
 
     /// Mount of the sensor on the robot. Default: the root link.
     mount: Mount = Mount::default();
-    /// Height in the world that reads 0 (m). Default 0.
+    /// Height in the world at which the reading is 0 (m). Default 0.
     reference: f64 = 0.0;
     /// Errors of the height, m.
     height: ErrorModel = ErrorModel::default();
-    /// Errors of its rate, m/s.
+    /// Errors of the rate of the height, m/s.
     rate: ErrorModel = ErrorModel::default();
 }
 
-/// `sensor.altimeter`: the height of a point of a robot.
+/// `sensor.altimeter`: measures the height of a point of a robot.
 pub struct Altimeter {
     reference: f64,
     height: Channel,

@@ -12,7 +12,7 @@ use crate::channel::{Channel, ErrorModel};
 use crate::geodesy::{Geodetic, TangentPlane};
 use crate::randomise::{SensorDraw, SensorRanges};
 
-/// Configuration of `sensor.gps`. The world's z axis points up, its x axis to the east unless `heading`
+/// Configuration of `sensor.gps`. The world's z axis points up. Its x axis points east unless `heading`
 /// rotates it.
 ///
 /// ```toml
@@ -24,9 +24,9 @@ use crate::randomise::{SensorDraw, SensorRanges};
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct GpsConfig {
-    /// Position of the world's origin on the earth.
+    /// Geodetic position of the world's origin.
     pub origin: Origin,
-    /// Angle from the east to the world's x, counter-clockwise (rad). Default 0.
+    /// Angle from east to the world's x axis, counter-clockwise seen from above (rad). Default 0.
     #[serde(default)]
     pub heading: f64,
     /// Mount of the antenna on the robot. Default: the root link.
@@ -41,7 +41,7 @@ pub struct GpsConfig {
     /// Errors of the velocity, m/s.
     #[serde(default)]
     pub velocity: ErrorModel,
-    /// Time from sampling until the fix is available. Default 0.
+    /// Delay from sampling until the fix is available. Default 0.
     #[serde(default)]
     pub latency: TimeSpan,
     /// Fraction of the fixes that are dropped, 0 to 1. Default 0.
@@ -58,7 +58,7 @@ pub struct GpsConfig {
 
 sensor_config!(impl GpsConfig);
 
-/// A position on the earth, WGS 84.
+/// A geodetic position on WGS 84.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Origin {
@@ -66,12 +66,12 @@ pub struct Origin {
     pub latitude: f64,
     /// Longitude (degrees, east positive).
     pub longitude: f64,
-    /// Height above the ellipsoid (m). Default 0.
+    /// Height above the WGS 84 ellipsoid (m). Default 0.
     #[serde(default)]
     pub altitude: f64,
 }
 
-/// `sensor.gps`: a receiver of satellite navigation.
+/// `sensor.gps`: a satellite navigation receiver.
 pub struct Gps {
     plane: TangentPlane,
     heading: nalgebra::UnitQuaternion<f64>,
@@ -105,7 +105,7 @@ impl PlaceSensor for Gps {
         if !(-360.0..=360.0).contains(&longitude) || !altitude.is_finite() || !config.heading.is_finite() {
             return Err(ConfigError::key(
                 "origin",
-                "expected a longitude of -360 to 360 degrees and finite numbers",
+                "expected a longitude from -360 to 360 degrees and finite numbers",
             ));
         }
         let errors = |errors: &ErrorModel| draw.errors(errors);

@@ -10,8 +10,8 @@ use crate::channel::{Channel, ErrorModel};
 use crate::randomise::SensorDraw;
 
 sensor_config! {
-    /// Configuration of `sensor.magnetometer`. The default is an ideal sensor in a field as in central
-    /// Europe.
+    /// Configuration of `sensor.magnetometer`. The default is an ideal sensor in a typical magnetic field of
+    /// central Europe.
     ///
     /// ```toml
     /// field  = [0.0, 2.1e-5, -4.3e-5]
@@ -21,13 +21,13 @@ sensor_config! {
 
     /// Mount of the sensor on the robot. Default: the root link.
     mount: Mount = Mount::default();
-    /// Flux density in the axes of the world (T). Default: 21 uT to the north, which is y, and 43 uT down.
+    /// Magnetic flux density in world axes (T). Default: 21 uT along y (north) and 43 uT down.
     field: [f64; 3] = [0.0, 2.1e-5, -4.3e-5];
-    /// Errors of the reading, T. The bias models the magnetisation of the robot.
+    /// Errors of the reading, T. Use the bias to model the magnetisation of the robot.
     errors: ErrorModel = ErrorModel::default();
 }
 
-/// `sensor.magnetometer`: the magnetic field at a point of a robot.
+/// `sensor.magnetometer`: measures the magnetic field at a point of a robot.
 pub struct Magnetometer {
     field: Vector3<f64>,
     channel: Channel,

@@ -17,7 +17,7 @@ pub use altimeter::{Altimeter, AltimeterConfig};
 pub use gps::{Gps, GpsConfig, Origin};
 pub use magnetometer::{Magnetometer, MagnetometerConfig};
 
-/// A sensor that measures the motion of a point.
+/// A sensor whose readings depend on the motion of one point of a robot.
 pub trait PlaceSensor: Sized + 'static {
     /// Name of the kind.
     const KIND: &'static str;
@@ -45,11 +45,11 @@ pub trait PlaceSensor: Sized + 'static {
     fn write(&self, values: &[f64], message: &mut Self::Message);
 }
 
-/// The motion of a point of a robot.
+/// Motion of the mount point of a sensor.
 #[derive(Clone, Copy, Debug)]
 pub struct PlaceMotion(Motion);
 
-/// A component of a [`PlaceSensor`]: it samples the true motion at its own rate or on its trigger.
+/// The component of a [`PlaceSensor`]. It samples the true motion at its own rate or on its trigger.
 pub struct AtPlace<S: PlaceSensor> {
     motion: TrueMotion,
     output: Output<S::Message>,

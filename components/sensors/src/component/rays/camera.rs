@@ -18,8 +18,8 @@ use crate::randomise::SensorDraw;
 use crate::rendering::{PixelNoise, PixelSensor, Renderer};
 
 sensor_config! {
-    /// Configuration of `sensor.camera`. The default is an ideal camera of 160 x 120 pixels at the root link
-    /// that looks along its x.
+    /// Configuration of `sensor.camera`. The default is an ideal camera of 160 x 120 pixels at the origin of
+    /// the root link that looks along the link's x axis.
     ///
     /// ```toml
     /// mount         = { frame = "panda_hand", position = [0.05, 0.0, 0.0], rpy = [0.0, -1.5708, 0.0] }
@@ -29,10 +29,10 @@ sensor_config! {
     /// ```
     pub struct CameraConfig;
 
-    /// Mount of the camera on the robot or in the `world`: it looks along x; y points to the left of the
-    /// image, z to its top. Default: the root link.
+    /// Mount of the camera on the robot or in the `world`. The camera looks along x; y points to the left of
+    /// the image, z to its top. Default: the root link.
     mount: Mount = Mount::default();
-    /// Ground and objects, in a graph without a `[world]`.
+    /// Ground and objects that the sensor sees, in a graph without a `[world]`.
     world: World = World::default();
     /// `true` if the robot appears in the image. Default true.
     sees_robot: bool = true;
@@ -44,9 +44,9 @@ sensor_config! {
     field_of_view: Option<f64> = None;
     /// Angle between the top and the bottom edge of the image (rad), instead of `field_of_view`.
     vertical_field_of_view: Option<f64> = None;
-    /// Focal lengths and optical centre, instead of an angle.
+    /// Focal lengths and principal point, instead of a field of view.
     intrinsics: Option<Intrinsics> = None;
-    /// Largest visible distance (m). Default 100.
+    /// Maximum visible distance (m). Default 100.
     most: f64 = 100.0;
     /// Errors of the pixels.
     noise: PixelNoise = PixelNoise::default();
@@ -58,7 +58,7 @@ impl RaysConfig for CameraConfig {
     }
 }
 
-/// Focal lengths and optical centre of a camera from a calibration.
+/// Focal lengths and principal point of a camera from a calibration.
 ///
 /// ```toml
 /// fx = 138.6
@@ -69,13 +69,13 @@ impl RaysConfig for CameraConfig {
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Intrinsics {
-    /// Focal length along the rows (pixels).
+    /// Focal length in pixels along a row.
     pub fx: f64,
-    /// Focal length along the columns (pixels).
+    /// Focal length in pixels along a column.
     pub fy: f64,
-    /// Column of the optical axis, from the middle of the left one (pixels).
+    /// Column of the principal point (pixels); 0 is the middle of the left column.
     pub cx: f64,
-    /// Row of the optical axis, from the middle of the top one (pixels).
+    /// Row of the principal point (pixels); 0 is the middle of the top row.
     pub cy: f64,
 }
 
@@ -84,14 +84,16 @@ impl CameraConfig {
         let Self { width, height, field_of_view, vertical_field_of_view, intrinsics, .. } = *self;
         let pixels = u64::from(width) * u64::from(height);
         if !(1..=MOST_PIXELS).contains(&pixels) {
-            let message = format!("{width} x {height} pixels, expected 1 to {MOST_PIXELS} in all");
+            let message =
+                format!("an image of {width} x {height} pixels, expected 1 to {MOST_PIXELS} pixels in total");
             return Err(ConfigError::key("width", message));
         }
         for (key, angle) in
             [("field_of_view", field_of_view), ("vertical_field_of_view", vertical_field_of_view)]
         {
             if let Some(angle) = angle.filter(|angle| !(*angle > 0.0 && *angle < 3.0)) {
-                let message = format!("{angle}: expected an angle above 0 and below 3 rad");
+                let message =
+                    format!("{angle} rad is out of range, expected an angle above 0 and below 3 rad");
                 return Err(ConfigError::key(key, message));
             }
         }
@@ -116,15 +118,15 @@ impl CameraConfig {
             }
             _ => Err(ConfigError::key(
                 "field_of_view",
-                "more than one of `field_of_view`, `vertical_field_of_view` and `intrinsics`",
+                "more than one of `field_of_view`, `vertical_field_of_view` and `intrinsics` is set",
             )
             .advise("keep one of them")),
         }
     }
 }
 
-/// `sensor.camera`: colour images. A reading stores the levels of each pixel as one number, red + 256 green +
-/// 65536 blue.
+/// `sensor.camera`: captures colour images. A reading stores the levels of each pixel as one number, red +
+/// 256 green + 65536 blue.
 pub struct Camera {
     renderer: Renderer,
     sensor: PixelSensor,
@@ -132,7 +134,7 @@ pub struct Camera {
     picture: Vec<Colour>,
 }
 
-/// The outputs of a camera.
+/// Output ports of a camera.
 pub struct CameraOutputs {
     image: SliceOutput<u8>,
     info: Output<ImageInfo>,
@@ -150,7 +152,8 @@ impl RangeSensor for Camera {
 
     fn new(config: &CameraConfig, seed: u64, draw: &SensorDraw) -> Result<Self, ConfigError> {
         if !(config.most > 0.0 && config.most <= 1e6) {
-            let message = format!("{}: expected a distance above 0, up to 1e6 m", config.most);
+            let message =
+                format!("{} m is out of range, expected a distance above 0, up to 1e6 m", config.most);
             return Err(ConfigError::key("most", message));
         }
         let renderer = Renderer::new(config.pinhole()?, config.most);

@@ -15,8 +15,8 @@ use crate::randomise::SensorDraw;
 use crate::ranging::{RangeModel, RangeSettings};
 
 sensor_config! {
-    /// Configuration of `sensor.depth_camera`. The default is an ideal camera of 160 x 120 pixels at the root
-    /// link that looks along its x.
+    /// Configuration of `sensor.depth_camera`. The default is an ideal camera of 160 x 120 pixels at the
+    /// origin of the root link that looks along the link's x axis.
     ///
     /// ```toml
     /// mount         = { frame = "panda_hand", position = [0.05, 0.0, 0.0], rpy = [0.0, -1.5708, 0.0] }
@@ -27,12 +27,12 @@ sensor_config! {
     /// ```
     pub struct DepthCameraConfig;
 
-    /// Mount of the camera on the robot: it looks along x; y points to the left of the image, z to its top.
-    /// Default: the root link.
+    /// Mount of the camera on the robot. The camera looks along x; y points to the left of the image, z to
+    /// its top. Default: the root link.
     mount: Mount = Mount::default();
-    /// Ground and objects, in a graph without a `[world]`.
+    /// Ground and objects that the sensor sees, in a graph without a `[world]`.
     world: World = World::default();
-    /// `true` if the carrying robot appears in the image. Default true.
+    /// `true` if the robot that carries the camera appears in the image. Default true.
     sees_robot: bool = true;
     /// Width of the image (pixels). Default 160.
     width: u32 = 160;
@@ -40,9 +40,9 @@ sensor_config! {
     height: u32 = 120;
     /// Angle between the left and the right edge of the image (rad). Default 1.0472, which is 60 degrees.
     field_of_view: f64 = std::f64::consts::FRAC_PI_3;
-    /// Smallest measurable depth (m). Default 0.05.
+    /// Minimum measurable depth (m). Default 0.05.
     least: f64 = 0.05;
-    /// Largest measurable depth (m). Default 5.
+    /// Maximum measurable depth (m). Default 5.
     most: f64 = 5.0;
     /// Errors of the depth of each pixel, m.
     depth: ErrorModel = ErrorModel::default();
@@ -68,8 +68,8 @@ const DEPTH_BYTES: usize = size_of::<f32>();
 /// Grey level (of 255) of a surface seen edge-on, and its increase for a surface seen from the front.
 const SHADE: (f64, f64) = (40.0, 215.0);
 
-/// `sensor.depth_camera`: depth and grey images. A reading contains the depths, followed by the cosines of
-/// the angles of incidence.
+/// `sensor.depth_camera`: captures depth and grey images. A reading contains the depths of all pixels,
+/// followed by the cosines of the angles of incidence.
 pub struct DepthCamera {
     pinhole: Pinhole,
     directions: Vec<Unit<Vector3<f64>>>,
@@ -79,7 +79,7 @@ pub struct DepthCamera {
     most: f64,
 }
 
-/// The outputs of a depth camera.
+/// Output ports of a depth camera.
 pub struct DepthCameraOutputs {
     depth: SliceOutput<u8>,
     grey: SliceOutput<u8>,
@@ -111,11 +111,13 @@ impl RangeSensor for DepthCamera {
         let DepthCameraConfig { width, height, field_of_view, least, most, depth, lost, .. } = *config;
         let pixels = u64::from(width) * u64::from(height);
         if !(1..=MOST_PIXELS).contains(&pixels) {
-            let message = format!("{width} x {height} pixels, expected 1 to {MOST_PIXELS} in all");
+            let message =
+                format!("an image of {width} x {height} pixels, expected 1 to {MOST_PIXELS} pixels in total");
             return Err(ConfigError::key("width", message));
         }
         if !(field_of_view > 0.0 && field_of_view < 3.0) {
-            let message = format!("{field_of_view}: expected an angle above 0 and below 3 rad");
+            let message =
+                format!("{field_of_view} rad is out of range, expected an angle above 0 and below 3 rad");
             return Err(ConfigError::key("field_of_view", message));
         }
         let pinhole = Pinhole::new(width, height, field_of_view);

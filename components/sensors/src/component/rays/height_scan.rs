@@ -12,8 +12,8 @@ use crate::channel::{Channel, ErrorModel};
 use crate::randomise::SensorDraw;
 
 sensor_config! {
-    /// Configuration of `sensor.height_scan`. The default is an ideal scan of 17 x 11 points about the root
-    /// link.
+    /// Configuration of `sensor.height_scan`. The default is an ideal scan of 17 x 11 points centred on the
+    /// root link.
     ///
     /// ```toml
     /// size    = [1.6, 1.0]
@@ -23,11 +23,11 @@ sensor_config! {
     /// ```
     pub struct HeightScanConfig;
 
-    /// Mount of the sensor on the robot, at the centre of the grid. Default: the root link.
+    /// Mount of the sensor on the robot. The grid is centred on it. Default: the root link.
     mount: Mount = Mount::default();
-    /// Ground and objects, in a graph without a `[world]`.
+    /// Ground and objects that the sensor sees, in a graph without a `[world]`.
     world: World = World::default();
-    /// `true` if the carrying robot is part of the scanned surface. Default false.
+    /// `true` if the robot that carries the sensor is part of the scanned surface. Default false.
     sees_robot: bool = false;
     /// Length of the grid along x and y of the sensor (m). Default 1.6 and 1.0.
     size: [f64; 2] = [1.6, 1.0];
@@ -52,7 +52,10 @@ impl HeightScanConfig {
     /// Returns the number of points along x and y.
     fn points(&self) -> Result<[usize; 2], ConfigError> {
         if !(self.spacing.is_finite() && self.spacing > 0.0) {
-            return Err(ConfigError::key("spacing", format!("{}: expected a length above 0", self.spacing)));
+            return Err(ConfigError::key(
+                "spacing",
+                format!("{} m is out of range, expected a length above 0", self.spacing),
+            ));
         }
         if !self.size.iter().all(|size| (0.0..=1e6).contains(size)) {
             return Err(ConfigError::key("size", "expected lengths from 0 to 1e6 m"));
@@ -61,16 +64,17 @@ impl HeightScanConfig {
         let points = self.size.map(|size| (size / self.spacing + 1e-6).floor() as usize + 1);
         let count = points[0].saturating_mul(points[1]);
         if count > MAX_HEIGHTS {
-            let message = format!("{} x {} points, at most {MAX_HEIGHTS} fit", points[0], points[1]);
-            return Err(
-                ConfigError::key("size", message).advise("make the grid smaller, or `spacing` greater")
+            let message = format!(
+                "a grid of {} x {} points, expected at most {MAX_HEIGHTS} points",
+                points[0], points[1]
             );
+            return Err(ConfigError::key("size", message).advise("reduce `size`, or increase `spacing`"));
         }
         Ok(points)
     }
 }
 
-/// `sensor.height_scan`: heights of the surface on a grid around the sensor.
+/// `sensor.height_scan`: measures heights of the surface on a grid around the sensor.
 pub struct HeightScanSensor {
     points: [usize; 2],
     spacing: f64,
@@ -91,7 +95,8 @@ impl RangeSensor for HeightScanSensor {
         let points = config.points()?;
         let HeightScanConfig { spacing, least, most, .. } = *config;
         if !(least.is_finite() && most.is_finite() && least < most) {
-            let message = format!("heights from {least} to {most}: expected `least` below `most`");
+            let message =
+                format!("heights from {least} to {most} m are an empty range, expected `least` below `most`");
             return Err(ConfigError::key("least", message));
         }
         let count = points[0] * points[1];

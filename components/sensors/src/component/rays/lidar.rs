@@ -16,8 +16,8 @@ use crate::randomise::SensorDraw;
 use crate::ranging::{RangeModel, RangeSettings, azimuths, direction};
 
 sensor_config! {
-    /// Configuration of `sensor.lidar`. The default is an ideal sensor at the root link with 360 rays around
-    /// z.
+    /// Configuration of `sensor.lidar`. The default is an ideal sensor at the root link with one ring of 360
+    /// rays around z.
     ///
     /// ```toml
     /// mount      = { frame = "base", position = [0.1, 0.0, 0.2] }
@@ -30,21 +30,22 @@ sensor_config! {
     /// ```
     pub struct LidarConfig;
 
-    /// Mount of the sensor on the robot: azimuths turn about z, from x towards y. Default: the root link.
+    /// Mount of the sensor on the robot. Azimuth is the angle about z, from x towards y. Default: the root
+    /// link.
     mount: Mount = Mount::default();
-    /// Ground and objects, in a graph without a `[world]`.
+    /// Ground and objects that the sensor sees, in a graph without a `[world]`.
     world: World = World::default();
-    /// `true` if rays can hit the carrying robot. Default true.
+    /// `true` if rays can hit the robot that carries the sensor. Default true.
     sees_robot: bool = true;
-    /// Angle that the rays of a ring cover, centred on x (rad). Default: a whole turn.
+    /// Horizontal angle covered by the rays of a ring, centred on x (rad). Default: a full circle.
     field_of_view: f64 = TAU;
-    /// Rays of a ring. Default 360.
+    /// Number of rays in a ring. Default 360.
     rays: usize = 360;
     /// Elevations of the rings above the xy plane of the sensor (rad). Default: one ring in the plane.
     elevations: Vec<f64> = vec![0.0];
-    /// Smallest measurable distance (m). Default 0.1.
+    /// Minimum measurable distance (m). Default 0.1.
     least: f64 = 0.1;
-    /// Largest measurable distance (m). Default 30.
+    /// Maximum measurable distance (m). Default 30.
     most: f64 = 30.0;
     /// Errors of a distance, m.
     distance: ErrorModel = ErrorModel::default();
@@ -145,10 +146,10 @@ impl Fan {
     }
 }
 
-/// `sensor.lidar`: distances along many rays.
+/// `sensor.lidar`: measures distances along many rays.
 pub struct Lidar(Fan);
 
-/// The outputs of a lidar.
+/// Output ports of a lidar.
 pub struct LidarOutputs {
     ranges: Output<Ranges>,
     points: SliceOutput<CloudPoint>,
@@ -166,16 +167,18 @@ impl RangeSensor for Lidar {
     fn new(config: &LidarConfig, seed: u64, draw: &SensorDraw) -> Result<Self, ConfigError> {
         let LidarConfig { distance, least, most, lost, field_of_view, rays, ref elevations, .. } = *config;
         if !(field_of_view > 0.0 && field_of_view <= TAU + 1e-6) {
-            let message = format!("{field_of_view}: expected an angle above 0, up to a turn of {TAU:.6} rad");
+            let message = format!(
+                "{field_of_view} rad is out of range, expected an angle above 0, up to a full circle of {TAU:.6} rad"
+            );
             return Err(ConfigError::key("field_of_view", message));
         }
         if let Some(wrong) = elevations.iter().find(|angle| !(-FRAC_PI_2..=FRAC_PI_2).contains(*angle)) {
-            let message = format!("{wrong}: expected angles from -pi/2 to pi/2 rad");
+            let message = format!("{wrong} rad is out of range, expected angles from -pi/2 to pi/2 rad");
             return Err(ConfigError::key("elevations", message));
         }
         let count = rays.saturating_mul(elevations.len());
         if !(1..=MAX_RANGES).contains(&count) {
-            let message = format!("{count} rays in all rings, expected 1 to {MAX_RANGES}");
+            let message = format!("{count} rays in all rings together, expected 1 to {MAX_RANGES}");
             return Err(ConfigError::key("rays", message).advise("use several sensors for more"));
         }
         let angles = elevations

@@ -72,7 +72,7 @@ pub trait RangeSensor: Sized + 'static {
     fn publish(&self, values: &[f64], source: u64, outputs: &mut Self::Outputs) -> Result<(), StepError>;
 }
 
-/// A component of a [`RangeSensor`]: it samples the true state of robot and world at its own rate or on its
+/// The component of a [`RangeSensor`]. It samples the true state of robot and world at its own rate or on its
 /// trigger.
 pub struct AlongRays<S: RangeSensor> {
     view: View,

@@ -13,7 +13,8 @@ use crate::randomise::SensorDraw;
 use crate::ranging::RangeSettings;
 
 sensor_config! {
-    /// Configuration of `sensor.ray`. The default is an ideal sensor at the root link that looks along its x.
+    /// Configuration of `sensor.ray`. The default is an ideal sensor at the origin of the root link that
+    /// looks along the link's x axis.
     ///
     /// ```toml
     /// mount    = { frame = "panda_hand", rpy = [0.0, 1.5708, 0.0] }
@@ -22,15 +23,15 @@ sensor_config! {
     /// ```
     pub struct RayConfig;
 
-    /// Mount of the sensor on the robot; the ray points along x. Default: the root link.
+    /// Mount of the sensor on the robot. The ray points along x. Default: the root link.
     mount: Mount = Mount::default();
-    /// Ground and objects, in a graph without a `[world]`.
+    /// Ground and objects that the sensor sees, in a graph without a `[world]`.
     world: World = World::default();
-    /// `true` if the ray can hit the carrying robot. Default true.
+    /// `true` if the ray can hit the robot that carries the sensor. Default true.
     sees_robot: bool = true;
-    /// Smallest measurable distance (m). Default 0.
+    /// Minimum measurable distance (m). Default 0.
     least: f64 = 0.0;
-    /// Largest measurable distance (m). Default 10.
+    /// Maximum measurable distance (m). Default 10.
     most: f64 = 10.0;
     /// Errors of the distance, m.
     distance: ErrorModel = ErrorModel::default();
@@ -44,7 +45,7 @@ impl RaysConfig for RayConfig {
     }
 }
 
-/// `sensor.ray`: the distance along one ray.
+/// `sensor.ray`: measures the distance along one ray.
 pub struct RaySensor(Fan);
 
 impl RangeSensor for RaySensor {

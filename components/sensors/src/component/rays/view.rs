@@ -15,7 +15,7 @@ use super::super::robot::{Mount, Needs, TrueMotion};
 use super::looks::looks;
 use crate::rendering::Looks;
 
-/// Mount of a sensor, and the objects it sees.
+/// Mount of a sensor, and the world it sees.
 #[derive(Clone, Copy, Debug)]
 pub struct Seen<'a> {
     /// Mount of the sensor on the robot.
@@ -81,10 +81,10 @@ impl View {
         let beyond = seen.world.objects.iter().skip(MAX_OBJECTS).find(|object| object.is_dynamic());
         if let Some(object) = beyond {
             let message = format!(
-                "`{}` moves, but only the poses of the first {MAX_OBJECTS} objects are known",
+                "object `{}` moves, but only the poses of the first {MAX_OBJECTS} objects are published",
                 object.name
             );
-            return Err(ConfigError::key("world", message).advise("name objects that move first"));
+            return Err(ConfigError::key("world", message).advise("list moving objects before fixed ones"));
         }
         if seen.sees_robot {
             let solids = solids(&model);

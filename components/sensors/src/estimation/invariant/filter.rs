@@ -15,17 +15,16 @@ const GYROSCOPE: usize = 3;
 const ACCELEROMETER: usize = 4;
 const FEET: usize = 5;
 
-/// Position of a foot on the ground from forward kinematics.
+/// Measured position of a foot on the ground, from forward kinematics.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ContactKinematics {
-    /// Position of the foot in sensor axes, from the sensor's origin \[m\]: forward kinematics of the
-    /// encoders.
+    /// Position of the foot relative to the sensor's origin, in sensor axes \[m\].
     pub position: Vector3<f64>,
-    /// Covariance of the position error in the same axes \[m2\]: `J cov(q) J'`.
+    /// Covariance of the position error in sensor axes \[m2\]: `J cov(q) J'`.
     pub covariance: Matrix3<f64>,
 }
 
-/// State of the filter without the feet, which is the state of the inertial measurement unit.
+/// State of the filter without the feet: pose, velocity and biases of the inertial measurement unit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FilterState {
     /// Orientation of the sensor in the world.
@@ -119,7 +118,7 @@ impl InvariantFilter {
         filter
     }
 
-    /// Restarts with all feet in the air.
+    /// Restarts from a state with standard deviations, with all feet in the air.
     pub fn start(&mut self, state: &FilterState, deviations: &StartDeviations) {
         self.state = *state;
         self.feet.fill(None);
@@ -145,8 +144,8 @@ impl InvariantFilter {
         }
     }
 
-    /// Propagates by `dt` \[s\] with the sensor's readings over that time, in its axes: angular velocity
-    /// \[rad/s\] and specific force \[m/s2\].
+    /// Propagates the state by `dt` \[s\] with the mean angular velocity \[rad/s\] and specific force
+    /// \[m/s2\] over that time, in sensor axes.
     pub fn propagate(&mut self, angular_velocity: &Vector3<f64>, specific_force: &Vector3<f64>, dt: f64) {
         let before = self.state;
         self.propagate_covariance(dt);
@@ -218,14 +217,15 @@ impl InvariantFilter {
         covariance.symmetrize();
     }
 
-    /// Corrects the state with a foot on the ground. A foot at touchdown is only added. Returns the
-    /// normalised innovation squared, whose mean is 3 for a consistent filter, or 0 for an added foot.
+    /// Corrects the state with a foot on the ground. At touchdown the foot is only added to the state.
+    /// Returns the normalised innovation squared, whose mean is 3 for a consistent filter, or 0 for an added
+    /// foot.
     ///
     /// # Errors
-    /// [`SingularInnovation`]; the filter is unchanged then.
+    /// [`SingularInnovation`]; the filter is then unchanged.
     ///
     /// # Panics
-    /// If the foot does not exist.
+    /// If `foot` is not the index of a foot.
     pub fn correct(&mut self, foot: usize, contact: &ContactKinematics) -> Result<f64, SingularInnovation> {
         let block = FEET + foot;
         let rotation = self.state.rotation.to_rotation_matrix().into_inner();
@@ -293,27 +293,27 @@ impl InvariantFilter {
         self.state = state;
     }
 
-    /// Moves the contact of a foot on the ground by a distance in sensor axes \[m\], for rolling round feet.
-    /// No effect in the air.
+    /// Moves the contact of a foot on the ground by a displacement in sensor axes \[m\], for round feet that
+    /// roll. No effect in the air.
     pub fn roll(&mut self, foot: usize, distance: &Vector3<f64>) {
         if let Some(place) = &mut self.feet[foot] {
             *place += self.state.rotation * distance;
         }
     }
 
-    /// Removes a foot that lifts off.
+    /// Removes a foot from the state at lift-off.
     pub fn lift(&mut self, foot: usize) {
         if self.feet[foot].take().is_some() {
             self.covariance.clear_block(FEET + foot);
         }
     }
 
-    /// Returns the estimate.
+    /// Returns the estimated state.
     pub fn state(&self) -> &FilterState {
         &self.state
     }
 
-    /// Returns the position in the world \[m\] of a foot on the ground; `None` in the air.
+    /// Returns the estimated position in the world \[m\] of a foot on the ground; `None` in the air.
     pub fn foot(&self, foot: usize) -> Option<Vector3<f64>> {
         self.feet[foot]
     }
@@ -323,14 +323,14 @@ impl InvariantFilter {
         self.feet.iter().flatten().count()
     }
 
-    /// Returns the covariance of the invariant error of rotation, velocity and position (`xi` of `exp(xi)`,
-    /// world axes) and of the gyroscope and accelerometer biases.
+    /// Returns the covariance of the right-invariant error: rotation, velocity and position (`xi` of
+    /// `exp(xi)`, world axes), then the gyroscope and accelerometer biases.
     pub fn invariant_covariance(&self) -> SMatrix<f64, 15, 15> {
         SMatrix::from_fn(|row, column| self.covariance.get(row / 3, column / 3)[(row % 3, column % 3)])
     }
 
     /// Returns the covariance of the errors of rotation (a rotation vector in world axes), velocity and
-    /// position. It follows from `v_est - v = xi_v - [v] xi_R`, and likewise for the position.
+    /// position, in this order. It follows from `v_est - v = xi_v - [v] xi_R`, and likewise for the position.
     pub fn covariance(&self) -> SMatrix<f64, 9, 9> {
         let invariant = self.invariant_covariance().fixed_view::<9, 9>(0, 0).into_owned();
         let mut map = SMatrix::<f64, 9, 9>::identity();

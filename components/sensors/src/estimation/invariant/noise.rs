@@ -3,9 +3,9 @@
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-/// Noise of the inertial measurement unit and of the contacts, as densities: standard deviations after one
-/// second, or per square root of hertz. A reading of deviation `s` at a rate `f` has the density
-/// `s / sqrt(f)`.
+/// Noise of the inertial measurement unit and of the contacts as densities: standard deviations per square
+/// root of hertz, or equivalently after one second. Readings with the standard deviation `s` at a rate `f`
+/// have the density `s / sqrt(f)`.
 ///
 /// ```toml
 /// gyroscope     = 1e-4
@@ -33,8 +33,8 @@ pub struct FilterNoise {
     /// slip shifts the estimate permanently.
     #[schemars(range(min = 0.0))]
     pub slip: f64,
-    /// Standard deviation of a foot's position from forward kinematics, beyond the encoder noise (m):
-    /// flexible legs and soles. Default 1e-3.
+    /// Standard deviation of a foot's position (m) in addition to the encoder noise, from flexible legs and
+    /// soles. Default 1e-3.
     #[schemars(range(min = 0.0))]
     pub foot: f64,
 }
@@ -52,7 +52,7 @@ impl Default for FilterNoise {
     }
 }
 
-/// Standard deviations of the state that the filter starts from.
+/// Standard deviations of the initial state.
 ///
 /// ```toml
 /// tilt = 0.02

@@ -158,7 +158,7 @@ impl<'a, 'i> Contacts<'a, 'i> {
         };
         if let Some(other) = self.geoms.iter().find(passes) {
             let problem = format!(
-                "contype and conaffinity keep it from touching <{}>, but all objects of a world touch: remove one of them, or \
+                "contype and conaffinity keep it from touching <{}>, but all objects of a world touch; remove one geom, or \
                  give both a common bit",
                 named(other.geom)
             );

@@ -61,7 +61,12 @@ pub(super) fn object<'a, 'i>(
             match weight {
                 Weight::Mass(mass) if mass > 0.0 => (shape, Some(mass), None, surface),
                 Weight::Density(density) if density > 0.0 => (shape, None, Some(density), surface),
-                _ => return other(node, "a moving body has a geom without a mass"),
+                _ => {
+                    return other(
+                        node,
+                        "this geom of a moving body has no mass, expected a mass or density above 0",
+                    );
+                }
             }
         }
         Err(geoms) => {

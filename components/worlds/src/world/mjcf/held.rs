@@ -62,9 +62,8 @@ pub(super) fn connections<'a, 'i>(
         let first = body("body1")?.ok_or_else(|| rule.missing("body1"))?;
         let second = body("body2")?.unwrap_or_else(|| Held::world(Isometry3::identity()));
         if first.object == second.object {
-            return Err(
-                rule.fault("the two bodies do not move relative to one another: there is nothing to connect")
-            );
+            return Err(rule
+                .fault("the two bodies do not move relative to each other, so there is nothing to connect"));
         }
         let anchor = rule.numbers::<3>("anchor")?;
         if kind == ConnectionKind::Ball && anchor.is_none() {

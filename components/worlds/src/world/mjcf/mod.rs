@@ -28,14 +28,14 @@ use super::reading::unique;
 use super::{Ground, MeshCollision, MeshShape, Object, ObjectShape, World};
 use crate::FrictionCombine;
 
-/// A world read from an MJCF text.
+/// A world read from MJCF.
 #[derive(Clone, Debug)]
 pub struct MjcfWorld {
     /// The world.
     pub world: World,
     /// `true` if the file specifies gravity.
     pub states_gravity: bool,
-    /// Warnings of skipped elements, each with its position in the text.
+    /// Warnings about skipped elements, each with its position in the text.
     pub warnings: Vec<ModelWarning>,
 }
 
@@ -65,7 +65,7 @@ const ON_FREE_JOINTS: [(&str, &str); 5] = [
 /// Sections of robots.
 const OF_ROBOTS: [&str; 3] = ["tendon", "actuator", "keyframe"];
 
-/// Reads MJCF `text` as a world. `file` is its path, for messages and to find meshes next to it.
+/// Reads MJCF `text` as a world. `file` is its path, which is used in messages and to find meshes next to it.
 ///
 /// Geoms of immovable bodies, including height fields, become fixed objects, and a level plane becomes the
 /// ground. A body with a free joint becomes a moving object of one or more shapes, with the masses of its
@@ -76,7 +76,8 @@ const OF_ROBOTS: [&str; 3] = ["tendon", "actuator", "keyframe"];
 ///
 /// # Errors
 ///
-/// [`MjcfError`], with the position in the text.
+/// [`MjcfError`], with the position in the text, if the text is not MJCF or contains an element that is
+/// rejected.
 ///
 /// ```
 /// let text = r#"<mujoco>
@@ -262,7 +263,7 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
             if !free {
                 return Err(self.other(
                     joint,
-                    "a body on a joint is part of a robot: a world has only fixed and free bodies; load the robot with a `[robot.NAME]` table",
+                    "a body with a joint is part of a robot, but a world has only fixed and free bodies; load the robot with a `[robot.NAME]` table",
                 ));
             }
             if around.frees {

@@ -1,4 +1,4 @@
-//! Links that move: objects of one shape or of several, with the masses of their inertials.
+//! Moving links: objects of one or more shapes, with the masses of their inertials.
 
 use motorium_robots::BasePose;
 use nalgebra::{Isometry3, Matrix3, UnitQuaternion};
@@ -10,27 +10,27 @@ use super::reader::Reader;
 use super::values::{child, elements, is_true, named};
 use crate::{CompoundPart, Object, ObjectShape};
 
-/// Distance of centres of mass \[m\] that are the same.
+/// Centres of mass closer than this \[m\] count as equal.
 const SAME_CENTRE: f64 = 1e-6;
-/// Relative difference of inertias that are the same: files round theirs.
+/// Relative difference below which inertias count as equal, because files contain rounded values.
 const SAME_INERTIA: f64 = 1e-3;
 
-/// Density of SDF \[kg/m3\].
+/// Default density in SDF \[kg/m3\].
 const WATER: f64 = 1000.0;
 
-/// The reason for the warning of an inertia.
-const UNIFORM: &str = "an object has the inertia of its shapes, of one density";
+/// Reason for the warning about an inertia.
+const UNIFORM: &str = "an object has the inertia of its shapes with uniform density";
 
-/// A collision of a link that moves.
+/// A collision of a moving link.
 struct Part<'a, 'i> {
     collision: Node<'a, 'i>,
-    /// Its pose in the model.
+    /// Pose in the model.
     frame: Isometry3<f64>,
     shape: ObjectShape,
 }
 
 impl Reader<'_> {
-    /// Adds the object of a link with the pose `within` in its model; the object has the pose of the model.
+    /// Adds the object of a link whose pose in its model is `within`. The object has the pose of the model.
     pub(super) fn free_link(
         &mut self,
         link: Node<'_, '_>,
@@ -43,7 +43,7 @@ impl Reader<'_> {
             let frame = within * self.pose(collision, link.attribute("name"))?;
             let geometry = self.geometry(collision)?;
             if geometry.tag_name().name() == "plane" {
-                return Err(problem(self.path, geometry, "a plane cannot move: make its model <static>"));
+                return Err(problem(self.path, geometry, "a plane cannot move; make its model <static>"));
             }
             let own = self.surface(collision)?;
             if *surface.get_or_insert(own) != own {
@@ -54,7 +54,8 @@ impl Reader<'_> {
             parts.push(Part { collision, frame, shape: self.shape(geometry, true)? });
         }
         let (Some((friction, restitution)), Some(first)) = (surface, parts.first()) else {
-            let text = format!("model \"{model}\" moves and has no <collision>: an object has a shape");
+            let text =
+                format!("model \"{model}\" moves and has no <collision>, which defines its shape; add one");
             return Err(problem(self.path, link, text));
         };
         let name = unique(&self.world, model);
@@ -103,17 +104,21 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// Returns the mass of a shape by the density of its collision, else of its link.
+    /// Returns the mass of a shape, computed with the density of its collision or, by default, of its link.
     fn automatic_mass(&self, inertial: Node<'_, '_>, part: &Part<'_, '_>) -> Result<f64, WorldFileError> {
         let of_link = self.number_or(Some(inertial), "density", WATER)?;
         let density = self.number_or(Some(part.collision), "density", of_link)?;
         let volume = part.shape.volume().ok_or_else(|| {
-            problem(self.path, inertial, "a shape without a volume has no mass by density; write <mass>")
+            problem(
+                self.path,
+                inertial,
+                "the mass cannot be computed, because a shape has no volume; write <mass>",
+            )
         })?;
         Ok(density * volume)
     }
 
-    /// Warns if the centre of mass or the inertia of a link differ from its object's.
+    /// Warns if the centre of mass or inertia of a link differs from the object's.
     fn compare_inertia(
         &mut self,
         link: Node<'_, '_>,
@@ -129,7 +134,7 @@ impl Reader<'_> {
         let around = inertial.unwrap_or(link);
         if (stated.translation.vector - frame.translation.vector).norm() > SAME_CENTRE {
             let at = inertial.and_then(|node| child(node, "pose")).unwrap_or(around);
-            let reason = "an object has the centre of mass of its shapes, of one density";
+            let reason = "an object has the centre of mass of its shapes with uniform density";
             self.ignore(at, "<pose> of <inertial>", reason);
         }
         let inertia = inertial.and_then(|node| child(node, "inertia"));

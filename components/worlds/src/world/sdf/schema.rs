@@ -9,9 +9,9 @@ use super::values::{child, is_false, is_true, text};
 pub(super) enum Treatment {
     /// No effect on a world.
     NoEffect,
-    /// Changes the motion elsewhere: a warning with this reason.
+    /// Affects the motion in other simulators: ignored with a warning that states this reason.
     Ignored(&'static str),
-    /// Required for the motion: rejected with this reason.
+    /// Essential to the motion: rejected with this reason.
     Refused(&'static str),
 }
 
@@ -21,14 +21,14 @@ type Table = &'static [(Treatment, &'static [&'static str])];
 
 const PLUGIN: (Treatment, &[&str]) = (Ignored("plugins of Gazebo are not run"), &["plugin"]);
 const WIND: (Treatment, &[&str]) =
-    (Ignored("the wind pushes objects with a `drag`, in TOML"), &["enable_wind"]);
+    (Ignored("wind acts only on objects with a `drag`, a key of TOML worlds"), &["enable_wind"]);
 
 const WORLD: Table = &[
     (NoEffect, &["scene", "light", "gui", "audio", "spherical_coordinates", "magnetic_field"]),
     (NoEffect, &["atmosphere"]),
     PLUGIN,
     (Refused("it moves models; write the poses into the models"), &["state"]),
-    (Refused("an actor follows a trajectory, and objects move freely"), &["actor"]),
+    (Refused("an actor follows a trajectory, but objects move freely"), &["actor"]),
 ];
 
 const MODEL: Table = &[(NoEffect, &["allow_auto_disable", "self_collide"]), PLUGIN, WIND];
@@ -37,12 +37,12 @@ const LINK: Table = &[
     (NoEffect, &["visual", "sensor", "light", "audio_sink", "audio_source", "battery"]),
     (NoEffect, &["self_collide", "must_be_base_link"]),
     WIND,
-    (Ignored("no such damping acts on an object"), &["velocity_decay"]),
+    (Ignored("objects have no velocity damping"), &["velocity_decay"]),
 ];
 
 const INERTIAL: Table = &[
     (NoEffect, &["mass", "pose", "inertia", "density"]),
-    (Ignored("no fluid surrounds an object"), &["fluid_added_mass"]),
+    (Ignored("objects have no added mass"), &["fluid_added_mass"]),
     AUTO_PARAMETERS,
 ];
 
@@ -55,12 +55,12 @@ const AUTO_PARAMETERS: (Treatment, &[&str]) =
 const SURFACE: Table = &[
     (NoEffect, &["contact", "bounce", "ode", "bullet", "mu", "restitution_coefficient"]),
     (NoEffect, &["dart", "soft_contact", "max_vel", "soft_erp"]),
-    (Ignored("the `mu` of <ode> is read"), &["friction"]),
+    (Ignored("the `mu` of <ode> is used instead"), &["friction"]),
     (Ignored("any approach rebounds"), &["threshold"]),
-    (Ignored("friction is the same in all directions; `mu` is read"), &["mu2", "fdir1"]),
-    (Ignored("contacts here do not slip in proportion to a force"), &["slip", "slip1", "slip2"]),
-    (Ignored("the friction of <ode> is read"), &["friction2", "rolling_friction"]),
-    (Ignored("friction acts against turning by the contact points alone"), &["torsional"]),
+    (Ignored("friction is the same in all directions; only `mu` is used"), &["mu2", "fdir1"]),
+    (Ignored("contacts have no slip in proportion to the force"), &["slip", "slip1", "slip2"]),
+    (Ignored("the friction of <ode> is used instead"), &["friction2", "rolling_friction"]),
+    (Ignored("resistance to spinning comes only from friction at the contact points"), &["torsional"]),
     (NoEffect, &["coefficient", "use_patch_radius", "patch_radius", "surface_radius"]),
     (Ignored("contacts are rigid"), &["kp", "kd", "soft_cfm", "min_depth", "elastic_modulus"]),
     (Ignored("contacts are rigid"), &["split_impulse", "split_impulse_penetration_threshold"]),
@@ -177,8 +177,8 @@ pub(super) fn advice(element: &str) -> &'static str {
         "include" => "copy the model into this file",
         "heightmap" => "write the world in TOML, where `terrain` reads an image",
         "cone" | "ellipsoid" | "polyline" | "image" => "use a <mesh> or another primitive",
-        "frame" => "write each <pose> relative to the element around it",
-        "model" => "make it a separate model, or the outer one <static>",
+        "frame" => "write each <pose> relative to the enclosing element",
+        "model" => "make it a separate model, or make the outer model <static>",
         "population" => "write out the models",
         "empty" => "remove the <collision>",
         _ => "remove it, or write the world in TOML",

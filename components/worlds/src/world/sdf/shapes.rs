@@ -10,20 +10,20 @@ use super::super::{Ground, MeshCollision, MeshShape, Object, ObjectShape, WorldF
 use super::reader::Reader;
 use super::values::{child, elements, named, text};
 
-/// Thickness and sides of the box that represents a plane on a slope \[m\].
+/// Thickness and side length of the box that replaces a sloped plane \[m\].
 const THICK: f64 = 1.0;
 const WIDE: f64 = 100.0;
 
-/// Default of `<max_convex_hulls>`, and the most convex parts of a mesh here.
+/// Default of `<max_convex_hulls>`, and the maximum number of convex parts of a mesh.
 const HULLS: f64 = 16.0;
 const MOST_HULLS: f64 = 64.0;
 
 impl Reader<'_> {
-    /// Returns the element of the shape of a collision.
+    /// Returns the shape element of a collision.
     pub(super) fn geometry<'a, 'i>(&self, collision: Node<'a, 'i>) -> Result<Node<'a, 'i>, WorldFileError> {
         let mut shapes = child(collision, "geometry").into_iter().flat_map(elements);
         let shape = shapes.next();
-        let shape = shape.ok_or_else(|| problem(self.path, collision, "<collision> without a <geometry>"))?;
+        let shape = shape.ok_or_else(|| problem(self.path, collision, "<collision> has no <geometry>"))?;
         match shapes.next() {
             Some(second) => {
                 Err(problem(self.path, second, "a second shape in <geometry>; give it its own <collision>"))
@@ -44,7 +44,7 @@ impl Reader<'_> {
         Ok(match geometry.tag_name().name() {
             "box" => {
                 let size = child(geometry, "size")
-                    .ok_or_else(|| problem(self.path, geometry, "<box> without a <size>"))?;
+                    .ok_or_else(|| problem(self.path, geometry, "<box> has no <size>"))?;
                 ObjectShape::Box { size: self.numbers(size)? }
             }
             "sphere" => ObjectShape::Sphere { radius: self.number(geometry, "radius")? },
@@ -55,8 +55,8 @@ impl Reader<'_> {
         })
     }
 
-    /// Gives an object the diffuse colour of the visual at the place of its collision in the link, else of
-    /// the last one.
+    /// Sets the colour of an object to the diffuse colour of a visual of its link: the visual with the index
+    /// of the collision, or else the last one.
     pub(super) fn paint(&mut self, collision: Node<'_, '_>, object: &str) {
         let of_kind = |kind| collision.parent().into_iter().flat_map(move |link| named(link, kind));
         let place = of_kind("collision").position(|other| other == collision).unwrap_or(0);
@@ -73,7 +73,7 @@ impl Reader<'_> {
 
     fn mesh(&mut self, geometry: Node<'_, '_>, moves: bool) -> Result<ObjectShape, WorldFileError> {
         let uri =
-            child(geometry, "uri").ok_or_else(|| problem(self.path, geometry, "<mesh> without a <uri>"))?;
+            child(geometry, "uri").ok_or_else(|| problem(self.path, geometry, "<mesh> has no <uri>"))?;
         if let Some(part) = child(geometry, "submesh") {
             let text = "<submesh> in <mesh> is not supported; write the part into a separate file";
             return Err(problem(self.path, part, text));
@@ -88,7 +88,7 @@ impl Reader<'_> {
             child(geometry, "scale").map(|scale| self.numbers(scale)).transpose()?.unwrap_or([1.0; 3]);
         let file = self.path.parent().unwrap_or(Path::new("")).join(name);
         if !file.is_file() {
-            let text = format!("its mesh \"{name}\" was not found beside the file");
+            let text = format!("its mesh \"{name}\" was not found relative to the SDF file");
             return Err(problem(self.path, uri, text));
         }
         let collision = match geometry.attribute("optimization") {
@@ -124,8 +124,8 @@ impl Reader<'_> {
         Ok(hulls as usize)
     }
 
-    /// A level plane becomes the ground, a slope a large box below it. Planes of collisions have no ends, by
-    /// the specification of SDF: their `size` is for drawing.
+    /// Adds a plane: a level plane becomes the ground, a sloped plane a large box below it. By the
+    /// specification of SDF, collision planes are infinite; their `size` is for drawing.
     pub(super) fn plane(
         &mut self,
         (collision, geometry): (Node<'_, '_>, Node<'_, '_>),
@@ -139,13 +139,17 @@ impl Reader<'_> {
         };
         let turn = UnitQuaternion::rotation_between(&Vector3::z(), &normal);
         let Some(turn) = turn.filter(|_| normal.norm() > 1e-9) else {
-            return Err(problem(self.path, geometry, "the normal of a plane must point up or aside"));
+            return Err(problem(
+                self.path,
+                geometry,
+                "the normal of a plane points downwards or is zero, expected upwards or sideways",
+            ));
         };
         let pose = pose * turn;
         if (pose.rotation * Vector3::z()).z > 1.0 - 1e-9 {
             if self.world.ground.is_some() {
                 let text =
-                    "a second level plane: planes have no ends, and a world has one ground; write a <box>";
+                    "a second level plane: planes are infinite, and a world has one ground; use a <box>";
                 return Err(problem(self.path, geometry, text));
             }
             self.world.ground =
@@ -153,8 +157,8 @@ impl Reader<'_> {
             self.paint(collision, "ground");
             return Ok(());
         }
-        let reason = "it is a box of 100 m by 100 m, 1 m thick";
-        self.ignore(geometry, "the endless extent of a <plane> on a slope", reason);
+        let reason = "it becomes a box of 100 m by 100 m, 1 m thick";
+        self.ignore(geometry, "the infinite extent of a sloped <plane>", reason);
         let shape = ObjectShape::Box { size: [WIDE, WIDE, THICK] };
         let pose = pose * Translation3::new(0.0, 0.0, -0.5 * THICK);
         let name = unique(&self.world, model);

@@ -1,4 +1,4 @@
-//! Surfaces of collisions.
+//! Contact surfaces of collisions.
 
 use roxmltree::Node;
 
@@ -7,11 +7,11 @@ use super::super::reading::position;
 use super::reader::Reader;
 use super::values::{child, elements, is_foreign};
 
-/// The reason for the warnings of friction by direction.
-const ISOTROPIC: &str = "friction is the same in all directions; `mu` is read";
+/// Reason for the warnings about direction-dependent friction.
+const ISOTROPIC: &str = "friction is the same in all directions; only `mu` is used";
 
 impl Reader<'_> {
-    /// Returns friction and restitution of a surface; other elements cause warnings or errors.
+    /// Returns the friction and restitution of a surface. Other elements cause warnings or errors.
     pub(super) fn surface(&mut self, collision: Node<'_, '_>) -> Result<(f64, f64), WorldFileError> {
         for node in elements(collision) {
             if !["pose", "geometry", "surface", "density"].contains(&node.tag_name().name()) {
@@ -31,7 +31,7 @@ impl Reader<'_> {
         if let Some(bounce) = bounce.filter(|_| restitution > 0.0) {
             self.first_bounce.get_or_insert(position(bounce));
             if child(bounce, "threshold").is_none() {
-                let reason = "any approach rebounds, as with a <threshold> of 0";
+                let reason = "impacts at any speed rebound, as with a <threshold> of 0";
                 self.ignore(bounce, "the default <threshold> of 100000 m/s", reason);
             }
         }

@@ -9,8 +9,8 @@ use super::super::reading::{position, problem};
 use super::reader::Reader;
 
 /// The unit of angles in SDF.
-const RADIANS: &str = "SDF has radians without degrees=\"true\"";
-/// Shortest quaternion that has a direction.
+const RADIANS: &str = "SDF angles are in radians without degrees=\"true\"";
+/// Length below which a quaternion counts as zero.
 const SHORTEST: f64 = 1e-9;
 
 /// Returns `true` for an element in the namespace of another program.
@@ -18,32 +18,32 @@ pub(super) fn is_foreign(node: &Node<'_, '_>) -> bool {
     node.tag_name().namespace() != node.document().root_element().tag_name().namespace()
 }
 
-/// The elements of SDF in an element.
+/// Returns the SDF elements directly inside an element.
 pub(super) fn elements<'a, 'i>(node: Node<'a, 'i>) -> impl Iterator<Item = Node<'a, 'i>> {
     node.children().filter(|child| child.is_element() && !is_foreign(child))
 }
 
-/// The elements with a name in an element.
+/// Returns the elements with a name directly inside an element.
 pub(super) fn named<'a, 'i>(node: Node<'a, 'i>, name: &str) -> impl Iterator<Item = Node<'a, 'i>> {
     elements(node).filter(move |child| child.tag_name().name() == name)
 }
 
-/// The first element with a name in an element.
+/// Returns the first element with a name directly inside an element.
 pub(super) fn child<'a, 'i>(node: Node<'a, 'i>, name: &str) -> Option<Node<'a, 'i>> {
     named(node, name).next()
 }
 
-/// The text of an element, with comments left out.
+/// Returns the text of an element without comments.
 pub(super) fn text(node: Node<'_, '_>) -> String {
     node.children().filter(|child| child.is_text()).filter_map(|child| child.text()).collect()
 }
 
-/// Returns `true` for a true value; case does not matter, as in libsdformat.
+/// Returns `true` if the text is a true value; case does not matter, as in libsdformat.
 pub(super) fn is_true(value: &str) -> bool {
     value.trim().eq_ignore_ascii_case("true") || value.trim() == "1"
 }
 
-/// Returns `true` for a false value.
+/// Returns `true` if the text is a false value.
 pub(super) fn is_false(value: &str) -> bool {
     value.trim().eq_ignore_ascii_case("false") || value.trim() == "0"
 }
@@ -66,7 +66,7 @@ impl Reader<'_> {
 
     pub(super) fn number(&self, node: Node<'_, '_>, name: &str) -> Result<f64, WorldFileError> {
         let Some(inside) = child(node, name) else {
-            return Err(problem(self.path, node, format!("<{}> without a <{name}>", node.tag_name().name())));
+            return Err(problem(self.path, node, format!("<{}> has no <{name}>", node.tag_name().name())));
         };
         self.numbers::<1>(inside).map(|[number]| number)
     }
@@ -95,7 +95,8 @@ impl Reader<'_> {
         Err(problem(self.path, node, format!("<{name}> is \"{}\", expected true or false", text.trim())))
     }
 
-    /// Returns the pose of an element in the element around it; the file may name that frame as `around`.
+    /// Returns the pose of an element relative to the enclosing element, to which the file may refer as
+    /// `around`.
     pub(super) fn pose(
         &self,
         node: Node<'_, '_>,
@@ -107,7 +108,7 @@ impl Reader<'_> {
             let named = pose.attribute(attribute).filter(|frame| !frame.is_empty());
             if let Some(frame) = named.filter(|frame| around != Some(*frame)) {
                 let text = format!(
-                    "{attribute}=\"{frame}\" in <pose> is not supported; write the pose relative to the element around <{}>",
+                    "{attribute}=\"{frame}\" in <pose> is not supported; write the pose relative to the element that contains <{}>",
                     node.tag_name().name()
                 );
                 return Err(problem(self.path, pose, text));
@@ -118,7 +119,7 @@ impl Reader<'_> {
             None | Some("euler_rpy") => false,
             Some("quat_xyzw") if !degrees => true,
             Some("quat_xyzw") => {
-                let text = "a quaternion has no degrees; remove degrees=\"true\"";
+                let text = "degrees=\"true\" does not apply to a quaternion; remove it";
                 return Err(problem(self.path, pose, text));
             }
             Some(format) => {

@@ -92,7 +92,7 @@ pub(crate) fn fault(writer: &mut Writer) -> Fault {
         ),
         (
             moving(BALL, "<link name=\"m\"/>"),
-            "a second <link> in a <model> that moves is not supported".to_owned(),
+            "a second <link> in a moving <model> is not supported".to_owned(),
         ),
         ("<state world_name=\"w\"/>\n".to_owned(), "<state> of <world> is not supported".to_owned()),
         ("<actor name=\"a\"/>\n".to_owned(), "<actor> of <world> is not supported".to_owned()),
@@ -107,7 +107,7 @@ pub(crate) fn fault(writer: &mut Writer) -> Fault {
         (level(5.0) + &level(6.0), "a second level plane".to_owned()),
         (
             fixed("<plane><normal>0 0 -1</normal></plane>"),
-            "the normal of a plane must point up or aside".to_owned(),
+            "the normal of a plane points downwards or is zero".to_owned(),
         ),
         (
             moving(
@@ -136,7 +136,7 @@ pub(crate) fn fault(writer: &mut Writer) -> Fault {
             moving(&collision("<sphere><radius>1</radius></sphere><box/>", ""), ""),
             "a second shape in <geometry>".to_owned(),
         ),
-        (moving(&collision("<sphere/>", ""), ""), "<sphere> without a <radius>".to_owned()),
+        (moving(&collision("<sphere/>", ""), ""), "<sphere> has no <radius>".to_owned()),
         (
             moving(&format!("<inertial><weight>3</weight></inertial>{BALL}"), ""),
             unsupported("weight", "inertial"),
@@ -161,7 +161,7 @@ pub(crate) fn fault(writer: &mut Writer) -> Fault {
         },
         None => Fault {
             after: free("", BALL, ""),
-            expected: "<model> beside <world> is not supported".to_owned(),
+            expected: "<model> next to <world> is not supported".to_owned(),
             ..Fault::default()
         },
     }

@@ -461,7 +461,7 @@ impl Writer {
         let turn = Matrix3::from_columns(&[Vector3::zeros(), Vector3::zeros(), up]);
         let solids = vec![(Solid::Slope, Frame { turn, origin: model.origin })];
         self.file.objects.push(Expected { name, body: None, solids, friction, restitution, colour: None });
-        self.warns("the endless extent of a <plane> on a slope");
+        self.warns("the infinite extent of a sloped <plane>");
     }
 
     fn world(&mut self) {
@@ -532,7 +532,7 @@ impl Writer {
         let mut all = restitutions.chain(self.file.ground.map(|ground| ground.restitution));
         let first = all.next();
         if all.any(|other| Some(other) != first) {
-            self.warns("the rule of Gazebo for different <restitution_coefficient>s");
+            self.warns("Gazebo's rule for different <restitution_coefficient>s");
         }
     }
 }
