@@ -207,6 +207,33 @@ fn legged_robots_stand_in_their_drafted_home() {
 }
 
 #[test]
+fn first_profile_finds_the_wheels_of_a_base() {
+    let own = profile("differential-drive").mobile_base.unwrap();
+    let (_, _, text) = drafted("differential-drive");
+    let (before, table) = text.split_once("\n# [mobile_base]\n").expect("the wheels, as a comment");
+    let (table, gains) = table.split_once("\n\n").unwrap();
+    let table: String = table.lines().map(|line| line.trim_start_matches('#').to_owned() + "\n").collect();
+    let text = format!("base = \"floating\"\n{before}\n[mobile_base]\n{table}\n{gains}");
+    let found = Profile::parse(&text).unwrap_or_else(|error| panic!("{error}\n{text}"));
+    let options =
+        LoadOptions { base: BaseMode::Floating, profile: ProfileChoice::Without, ..LoadOptions::default() };
+    let model = load_with("differential-drive", Path::new("."), &options).unwrap().model;
+    found.check(&model).unwrap();
+    let base = found.mobile_base.unwrap();
+    assert_eq!((base.drive, &base.frame, &base.wheels), (own.drive, &own.frame, &own.wheels));
+    assert_relative_eq!(base.wheel_radius.unwrap(), own.wheel_radius.unwrap(), epsilon = 1e-6);
+    assert_relative_eq!(base.track.unwrap(), own.track.unwrap(), epsilon = 1e-6);
+    assert_relative_eq!(found.base_poses["home"].position[2], 0.033, epsilon = 1e-6);
+}
+
+#[test]
+fn first_profile_of_an_arm_or_a_walker_has_no_wheels() {
+    for name in ["panda", "quadruped", "humanoid", "rrbot", "cart-pole"] {
+        assert!(!drafted(name).2.contains("mobile_base"), "{name}");
+    }
+}
+
+#[test]
 fn first_profile_keeps_a_requested_fixed_base() {
     let options = LoadOptions { profile: ProfileChoice::Without, ..LoadOptions::default() };
     let robot = load_with("quadruped", Path::new("."), &options).unwrap();

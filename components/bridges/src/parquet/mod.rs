@@ -194,7 +194,8 @@ impl Column {
 /// # Ok::<(), std::io::Error>(())
 /// ```
 ///
-/// # Errors Returns an error if the file cannot be written, or if columns and groups differ in their number
+/// # Errors
+/// Returns an error if the file cannot be written, or if columns and groups differ in their number
 /// of rows.
 pub fn write(
     file: &mut dyn Write,

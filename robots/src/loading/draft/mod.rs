@@ -5,6 +5,7 @@ mod home;
 mod limbs;
 mod stance;
 mod text;
+mod wheels;
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
@@ -16,6 +17,7 @@ use home::draft_home;
 use limbs::{Limb, Limbs};
 use stance::{Contact, Stance, stand};
 use text::{key, numbers, quoted, rounded, strings};
+use wheels::Wheels;
 
 use crate::model::configuration::with_joints;
 use crate::{BaseMode, BasePose, Kinematics, Loaded, Model};
@@ -27,7 +29,8 @@ use crate::{BaseMode, BasePose, Kinematics, Loaded, Model};
 /// from the names of the links.
 ///
 /// A robot with at least two feet stands at home with a floating base if a standing posture is found, unless
-/// `base` is [`Fixed`](BaseMode::Fixed). The text states the reason.
+/// `base` is [`Fixed`](BaseMode::Fixed). The text states the reason. A pair of wheels on one axle becomes the
+/// `[mobile_base]`, as a comment if the base is fixed.
 ///
 /// ```
 /// # use std::path::Path;
@@ -86,6 +89,9 @@ pub fn draft_profile(robot: &Loaded, base: BaseMode) -> String {
         }
     }
     text += &ends(model, &limbs);
+    if let Some(wheels) = Wheels::find(model).filter(|_| stance.is_none()) {
+        text += &wheels.text(model);
+    }
     let holding = stance.as_ref().map(|stance| stance.effort.as_slice());
     text += &limits(model, &home, holding);
     text += &gains(model, &home, holding);

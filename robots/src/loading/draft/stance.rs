@@ -148,7 +148,7 @@ fn clamp(model: &Model, index: usize, position: f64) -> f64 {
 }
 
 /// A point of a foot's collision shapes, in the frame of its body: a ball with this radius.
-type Corner = (Point3<f64>, f64);
+pub(super) type Corner = (Point3<f64>, f64);
 
 struct Foot {
     limb: Limb,
@@ -179,7 +179,8 @@ impl<'a> Search<'a> {
         let mut kinematics = Kinematics::new(model);
         kinematics.update(model, &with_joints(model, zero.as_slice()));
         let feet = feet.iter().map(|limb| {
-            let corners = limb.body(model).map(|body| corners(&solids, body)).unwrap_or_default();
+            let corners =
+                limb.body(model).map(|body| corners(&solids, Attachment::Body(body))).unwrap_or_default();
             if corners.is_empty() {
                 return Err(Falls::NoShape(name(limb)));
             }
@@ -528,8 +529,8 @@ fn symmetric_sides(pose: &Isometry3<f64>, patch: &[Point3<f64>]) -> [f64; 2] {
 }
 
 /// Returns the corners of the shapes of a body.
-fn corners(solids: &CollisionModel, body: usize) -> Vec<Corner> {
-    let own = (0..solids.solid_count()).filter(|&solid| solids.attachment(solid) == Attachment::Body(body));
+pub(super) fn corners(solids: &CollisionModel, attachment: Attachment) -> Vec<Corner> {
+    let own = (0..solids.solid_count()).filter(|&solid| solids.attachment(solid) == attachment);
     let mut found: Vec<Corner> = Vec::new();
     for solid in own {
         let placement = solids.placement(solid);
