@@ -18,9 +18,9 @@ use setup::MpcSetup;
 /// Plans contact forces, contacts and swing motions of a legged robot that follows a velocity command, by
 /// model-predictive control of the centroidal motion ([`LegPlanner`]).
 ///
-/// The planner starts with the first state, standing on all feet. Without a fresh state it publishes no plan,
-/// so subscribers see a stale one; it restarts with the next state. If the solver finds no solution for a
-/// horizon, the previous forces are kept.
+/// The planner starts with the first robot state, standing on all feet. Without a fresh state it publishes no
+/// plan, so that subscribers detect a stale plan; it restarts with the next fresh state. If the solver finds
+/// no solution for a horizon, the previous forces are kept.
 pub struct MpcPlanner {
     measured: MeasuredState,
     target: Input<TwistTarget>,
