@@ -81,7 +81,8 @@ impl Cholesky {
     /// Factorises a matrix with `n` rows. `fill(i, values)` must write row `i` to `values`, starting at the
     /// diagonal.
     ///
-    /// # Errors [`NotPositiveDefinite`] if a pivot is not positive. The factor is then empty.
+    /// # Errors
+    /// [`NotPositiveDefinite`] if a pivot is not positive. The factor is then empty.
     pub fn factorise(
         &mut self,
         n: usize,
@@ -211,8 +212,8 @@ impl Cholesky {
 
     /// Appends a row and column to the matrix, in `O(n^2)`; `column` contains the entries above the diagonal.
     ///
-    /// # Errors [`NotPositiveDefinite`] if the larger matrix is not positive definite. The factor is then
-    /// unchanged.
+    /// # Errors
+    /// [`NotPositiveDefinite`] if the larger matrix is not positive definite. The factor is then unchanged.
     ///
     /// # Panics
     /// If the length of `column` differs from the number of rows.
@@ -240,7 +241,8 @@ impl Cholesky {
 
     /// Removes row and column `index` of the matrix, in `O(n^2)`.
     ///
-    /// # Panics If `index` is out of range.
+    /// # Panics
+    /// If `index` is out of range.
     pub fn remove(&mut self, index: usize) {
         assert!(index < self.n, "row {index} of {}", self.n);
         let (n, stride) = (self.n, self.stride);

@@ -75,7 +75,8 @@ const RESIDUAL: f64 = 1e-8;
 /// call it outside the control loop. Modes that do not decay must be controllable and have a cost. Otherwise
 /// the cost of a longer horizon does not converge to the stabilising solution.
 ///
-/// # Errors [`RiccatiError`] if the matrices are invalid or no stabilising solution was found.
+/// # Errors
+/// [`RiccatiError`] if the matrices are invalid or no stabilising solution was found.
 pub fn solve(
     a: &DMatrix<f64>,
     b: &DMatrix<f64>,
@@ -115,7 +116,8 @@ pub fn solve(
 
 /// Returns the optimal infinite-horizon regulator of a discrete-time linear system.
 ///
-/// # Errors [`RiccatiError`] if the matrices are invalid or no stabilising solution was found.
+/// # Errors
+/// [`RiccatiError`] if the matrices are invalid or no stabilising solution was found.
 pub fn lqr(
     a: &DMatrix<f64>,
     b: &DMatrix<f64>,
@@ -130,8 +132,8 @@ pub fn lqr(
 /// Returns the regulators of `steps` steps, in order, for the terminal cost `last`, by the backward Riccati
 /// recursion.
 ///
-/// # Errors [`RiccatiError`] if a size differs, a number is not finite, or a matrix is not positive
-/// (semi-)definite.
+/// # Errors
+/// [`RiccatiError`] if a size differs, a number is not finite, or a matrix is not positive (semi-)definite.
 pub fn finite_horizon(
     (a, b): (&DMatrix<f64>, &DMatrix<f64>),
     (q, r): (&DMatrix<f64>, &DMatrix<f64>),

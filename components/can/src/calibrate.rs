@@ -75,8 +75,9 @@ const STILL: f64 = 0.05;
 /// one position per joint in `joints`. Homed drives are skipped, and no drive is enabled. `pass` advances
 /// time on `buses`, the buses in the order of the table, and returns the current time, ns.
 ///
-/// # Errors Returns an error if another program commands a drive, or if a drive has a setting that differs
-/// from the table, does not answer, or moves.
+/// # Errors
+/// Returns an error if another program commands a drive, or if a drive has a setting that differs from the
+/// table, does not answer, or moves.
 ///
 /// # Panics
 /// Panics if `pose` and `joints` differ in length, or if there are fewer buses than in the table.

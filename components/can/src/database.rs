@@ -198,7 +198,8 @@ impl Database {
     /// Restricts the significant bits of the identifiers to `mask`, for example to apply the database of node
     /// 0 to all nodes.
     ///
-    /// # Errors Returns an error if the identifiers of two messages differ only in the other bits.
+    /// # Errors
+    /// Returns an error if the identifiers of two messages differ only in the other bits.
     pub fn with_mask(self, mask: u32) -> Result<Self, DatabaseError> {
         let mut masked = Self { messages: BTreeMap::new(), mask };
         for ((extended, id), message) in self.messages {

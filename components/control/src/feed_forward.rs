@@ -85,7 +85,8 @@ impl FeedForward {
     /// Returns the efforts \[Nm or N\], one per independent joint, within the effort limits of the model. `q`
     /// are the measured joint positions \[rad or m\], one per independent joint.
     ///
-    /// # Panics If the length of `q` differs from the number of independent joints.
+    /// # Panics
+    /// If the length of `q` differs from the number of independent joints.
     pub fn effort(&mut self, model: &Model, q: &[f64], setpoint: &SetpointIntegrator) -> &[f64] {
         let effort = self.effort.as_mut_slice();
         match (&self.inertia, self.gravity) {

@@ -98,7 +98,8 @@ impl Channel {
 /// # }
 /// ```
 ///
-/// # Errors Returns an error if the layout of the topic has a field that cannot be encoded.
+/// # Errors
+/// Returns an error if the layout of the topic has a field that cannot be encoded.
 pub fn channels(plan: &Plan, topic: usize) -> Result<Vec<Channel>, DerivedError> {
     let of_topic = &plan.topics[topic];
     let name = &of_topic.name;

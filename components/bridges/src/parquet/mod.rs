@@ -193,8 +193,8 @@ impl Column {
 /// # Ok::<(), std::io::Error>(())
 /// ```
 ///
-/// # Errors Returns an error if the file cannot be written, or if columns and groups differ in their number
-/// of rows.
+/// # Errors
+/// Returns an error if the file cannot be written, or if columns and groups differ in their number of rows.
 pub fn write(
     file: &mut dyn Write,
     columns: &[Column],

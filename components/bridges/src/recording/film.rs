@@ -35,7 +35,8 @@ pub struct Film {
 /// Returns the robots and the world of a recording at ascending times, ns since the first sample. Before its
 /// first state, a robot has the configuration of that state.
 ///
-/// # Errors Returns an error if a message is damaged.
+/// # Errors
+/// Returns an error if a message is damaged.
 pub fn film(recording: &Recording, plan: &Plan, times_ns: &[u64]) -> Result<Film, ReadError> {
     let (begin_ns, _) = recording.times().unwrap_or_default();
     let mut followed: Vec<Followed> =

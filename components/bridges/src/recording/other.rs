@@ -231,7 +231,8 @@ impl OtherLog {
     /// Writes a channel as a Parquet table with the columns of [`write_csv`](Self::write_csv). Returns the
     /// number of rows.
     ///
-    /// # Errors Returns an error in the same cases as [`write_csv`](Self::write_csv).
+    /// # Errors
+    /// Returns an error in the same cases as [`write_csv`](Self::write_csv).
     pub fn write_parquet(&self, channel: usize, out: &mut impl Write) -> Result<u64, TableError> {
         let (names, rows) = self.columns(channel)?;
         let mut times = Vec::with_capacity(rows);

@@ -222,7 +222,8 @@ impl Recording {
 
     /// Returns the plan of the run.
     ///
-    /// # Errors Returns an error if the plan is missing or is not readable by this version.
+    /// # Errors
+    /// Returns an error if the plan is missing or is not readable by this version.
     pub fn plan(&self) -> Result<Plan, ReadError> {
         let foreign = |reason: String| ReadError::Foreign { path: self.path.clone(), reason };
         let missing = || match (self.scan.is_whole, self.fact("version")) {

@@ -74,8 +74,9 @@ impl Recovered {
 /// # Ok::<(), motorium_bridges::recording::ReadError>(())
 /// ```
 ///
-/// # Errors Returns an error if one of the files cannot be read or written, or if the first is not an MCAP
-/// file or ends before its first record.
+/// # Errors
+/// Returns an error if one of the files cannot be read or written, or if the first is not an MCAP file or
+/// ends before its first record.
 pub fn recover(torn: &Path, whole: &Path) -> Result<Recovered, ReadError> {
     let io = |path: &Path| {
         let path = path.to_path_buf();

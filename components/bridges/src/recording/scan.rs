@@ -42,7 +42,8 @@ pub(super) struct Scan {
 impl Scan {
     /// Scans a file.
     ///
-    /// # Errors Returns an error if a motorium channel has a layout that this version cannot read.
+    /// # Errors
+    /// Returns an error if a motorium channel has a layout that this version cannot read.
     pub(super) fn of_file(file: &[u8], summary: &Summary) -> Result<Self, String> {
         let mut scan = Self::default();
         let mut records = Records::new(file, summary, true);

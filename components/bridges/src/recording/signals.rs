@@ -155,8 +155,8 @@ pub(super) fn as_f64(number: Number) -> f64 {
 
 /// Returns the curves of signals, in their order; an array has one curve per entry.
 ///
-/// # Errors Returns an error if the recording has no such topic, field, entries or samples, or if it cannot
-/// be read.
+/// # Errors
+/// Returns an error if the recording has no such topic, field, entries or samples, or if it cannot be read.
 pub fn curves(recording: &Recording, signals: &[Signal]) -> Result<Vec<Curve>, SignalsError> {
     let mut wanted = Vec::new();
     for signal in signals {

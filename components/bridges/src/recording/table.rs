@@ -16,7 +16,8 @@ const GROUP: usize = 1 << 16;
 /// lockstep run), its stamp, and one column per field. An array is a list of its used entries. Returns the
 /// number of rows.
 ///
-/// # Errors Returns an error if the recording cannot be read, or if the table cannot be written.
+/// # Errors
+/// Returns an error if the recording cannot be read, or if the table cannot be written.
 pub fn write_parquet(recording: &Recording, topic: usize, out: &mut impl Write) -> Result<u64, TableError> {
     let decoder = Decoder::new(&recording.topics()[topic].layout).map_err(SignalsError::from)?;
     let mut stamps = [const { Vec::new() }; 5];

@@ -140,7 +140,8 @@ struct Compared<'r> {
 /// Repeats the graph of a recording in lockstep, and compares each sample bit for bit, up to the end of the
 /// recording. `log.replay` replaces the components `replace`.
 ///
-/// # Errors Returns an error if the recording cannot be verified, or if its graph does not run.
+/// # Errors
+/// Returns an error if the recording cannot be verified, or if its graph does not run.
 pub fn verify(
     recording: &Recording,
     registry: &Registry,

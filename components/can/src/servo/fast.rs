@@ -116,8 +116,9 @@ impl FastReader {
 
     /// Returns the next complete share.
     ///
-    /// # Errors Returns an error if the packet is not such an answer, or if the checksum is wrong, and
-    /// discards the rest of the packet.
+    /// # Errors
+    /// Returns an error if the packet is not such an answer, or if the checksum is wrong, and discards the
+    /// rest of the packet.
     #[allow(clippy::should_implement_trait)] // a share borrows the reader
     pub fn next(&mut self) -> Option<Result<Status<'_>, DecodeError>> {
         if self.next == 0 {

@@ -269,8 +269,8 @@ impl Default for Reader {
 impl Reader {
     /// Appends a byte. Returns the answer that it completes, if any.
     ///
-    /// # Errors Returns an error if the byte completes a packet that has a wrong checksum or is not an
-    /// answer.
+    /// # Errors
+    /// Returns an error if the byte completes a packet that has a wrong checksum or is not an answer.
     pub fn push(&mut self, byte: u8) -> Option<Result<Status<'_>, DecodeError>> {
         let (protocol, whole) = self.end(byte)?;
         Some(match protocol {

@@ -116,7 +116,8 @@ impl Listener {
 
     /// Returns the next record if one arrives within `timeout`.
     ///
-    /// # Errors Returns an error if an interface has gone down or disappeared.
+    /// # Errors
+    /// Returns an error if an interface has gone down or disappeared.
     pub fn next(&mut self, timeout: Duration) -> io::Result<Option<Record>> {
         if let Some(record) = self.take()? {
             return Ok(Some(record));
@@ -175,7 +176,8 @@ impl Sender {
 
     /// Sends the frame of a record, regardless of the interface that it came from.
     ///
-    /// # Errors Returns an error that explains the cause if the interface does not accept the frame.
+    /// # Errors
+    /// Returns an error that explains the cause if the interface does not accept the frame.
     pub fn send(&mut self, record: &Record) -> io::Result<()> {
         let name = &self.name;
         let socket = match &mut self.line {

@@ -9,7 +9,8 @@ use crate::inverse_dynamics::MotionState;
 
 /// Returns the robot that the graph assigns to a component.
 ///
-/// # Errors [`ConfigError`] if the graph assigns no robot.
+/// # Errors
+/// [`ConfigError`] if the graph assigns no robot.
 pub fn required_robot(declare: &Declare) -> Result<&RobotReference, ConfigError> {
     declare.robot().ok_or_else(|| {
         ConfigError::new("the component requires a robot, but names none")
@@ -19,8 +20,8 @@ pub fn required_robot(declare: &Declare) -> Result<&RobotReference, ConfigError>
 
 /// Loads the robot that the graph assigns to a component.
 ///
-/// # Errors [`ConfigError`] for the key `robot` if the robot does not load or has more than [`MAX_JOINTS`]
-/// joints.
+/// # Errors
+/// [`ConfigError`] for the key `robot` if the robot does not load or has more than [`MAX_JOINTS`] joints.
 pub fn load_robot(robot: &RobotReference) -> Result<Loaded, ConfigError> {
     let source = RobotSource {
         name: &robot.name,

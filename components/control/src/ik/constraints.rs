@@ -13,7 +13,8 @@ impl<S: QpSolver> DifferentialIk<S> {
     /// Updates `contact` at `state` and holds its frame still, as a constraint above all levels; the weight
     /// of the contact is ignored.
     ///
-    /// # Panics If the total number of contact rows exceeds the capacity.
+    /// # Panics
+    /// If the total number of contact rows exceeds the capacity.
     pub fn hold(&mut self, state: &RobotState<'_>, contact: &mut ContactTask) {
         contact.update(state);
         let (first, count) = (self.next_equality, contact.rows());
@@ -60,7 +61,8 @@ impl<S: QpSolver> DifferentialIk<S> {
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     ///
-    /// # Panics If the total number of rows of contacts and constraints exceeds the capacity.
+    /// # Panics
+    /// If the total number of rows of contacts and constraints exceeds the capacity.
     pub fn constrain(&mut self, state: &RobotState<'_>, task: &mut dyn VelocityTask) {
         task.update(state);
         self.constrained.clear();
@@ -75,7 +77,8 @@ impl<S: QpSolver> DifferentialIk<S> {
     /// Adds the rows of `limit` for a tick of `dt` seconds as a soft limit of a level. Tasks on the same or a
     /// higher level may violate the limit by `s`, at the cost `1/2 weight^2 |s|^2` on its level.
     ///
-    /// # Panics If the level does not exist, or the total number of soft rows exceeds the capacity.
+    /// # Panics
+    /// If the level does not exist, or the total number of soft rows exceeds the capacity.
     pub fn add_soft_limit(
         &mut self,
         state: &RobotState<'_>,
@@ -180,7 +183,8 @@ impl<S: QpSolver> DifferentialIk<S> {
 
     /// Adds the rows of `limit` for a tick of `dt` seconds.
     ///
-    /// # Panics If the total number of limit rows exceeds the capacity.
+    /// # Panics
+    /// If the total number of limit rows exceeds the capacity.
     pub fn add_row_limit(&mut self, state: &RobotState<'_>, limit: &mut dyn RowLimit, dt: f64) {
         let (first, count) = (self.next_row, limit.rows());
         assert!(

@@ -312,7 +312,8 @@ impl<S: QpSolver> DifferentialIk<S> {
 
     /// Updates `task` at `state` and adds its cost to a level; level 0 has the highest priority.
     ///
-    /// # Panics If the level does not exist, or the rows of its tasks exceed the capacity of the level.
+    /// # Panics
+    /// If the level does not exist, or the rows of its tasks exceed the capacity of the level.
     pub fn add_task(&mut self, state: &RobotState<'_>, level: usize, task: &mut dyn VelocityTask) {
         task.update(state);
         let (cost, rows) = levels::level(&mut self.below, &mut self.problem, level);

@@ -28,7 +28,8 @@ impl<S: QpSolver> DifferentialIk<S> {
     ///
     /// [`conflict`](Self::conflict) then returns the contradictory constraints and the violation.
     ///
-    /// # Errors [`IkError`] if no solution was found; [`velocity`](Self::velocity) is then zero.
+    /// # Errors
+    /// [`IkError`] if no solution was found; [`velocity`](Self::velocity) is then zero.
     pub fn solve(&mut self) -> Result<&[f64], IkError> {
         (self.conflict, self.exceeds_acceleration) = (None, false);
         (self.iterations, self.undecided) = (0, 0);

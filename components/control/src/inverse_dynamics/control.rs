@@ -194,7 +194,8 @@ impl InverseDynamics {
 
     /// Updates `task` at `state` and adds its cost to a level; level 0 has the highest priority.
     ///
-    /// # Panics If the level does not exist, or the rows of its tasks exceed the capacity of the level.
+    /// # Panics
+    /// If the level does not exist, or the rows of its tasks exceed the capacity of the level.
     pub fn add_task(&mut self, state: &MotionState<'_>, level: usize, task: &mut dyn AccelerationTask) {
         task.update(state, self);
         let (cost, rows) = levels::level(&mut self.below, &mut self.problem, level);

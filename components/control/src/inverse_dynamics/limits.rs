@@ -19,7 +19,8 @@ impl InverseDynamics {
     /// addition to [`InverseDynamicsSettings::joints`](super::InverseDynamicsSettings::joints). Default
     /// infinite.
     ///
-    /// # Panics If the length of `most` differs from the number of joints.
+    /// # Panics
+    /// If the length of `most` differs from the number of joints.
     #[must_use]
     pub fn limit_accelerations(mut self, most: DVector<f64>) -> Self {
         assert_eq!(most.len(), self.order.joints, "one acceleration for each joint");
@@ -83,7 +84,8 @@ impl InverseDynamics {
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     ///
-    /// # Panics If the limit rows exceed the capacity.
+    /// # Panics
+    /// If the limit rows exceed the capacity.
     pub fn add_row_limit(&mut self, state: &MotionState<'_>, limit: &mut dyn RowLimit, dt: f64) {
         let MotionState { model, q, v, .. } = *state;
         let Self { predicted, problem, order, next_limit, settings, .. } = self;
@@ -199,7 +201,8 @@ impl InverseDynamics {
     /// rows with nonzero weight. If constraints contradict each other, the task is relaxed like contacts at
     /// rest.
     ///
-    /// # Panics If the constraint rows exceed the capacity.
+    /// # Panics
+    /// If the constraint rows exceed the capacity.
     pub fn constrain(&mut self, state: &MotionState<'_>, task: &mut dyn AccelerationTask) {
         task.update(state, self);
         self.constrained.clear();
@@ -212,7 +215,8 @@ impl InverseDynamics {
     /// Skips the constraint rows of an inactive task in this tick, so that the rows of later tasks keep their
     /// indices.
     ///
-    /// # Panics If the constraint rows exceed the capacity.
+    /// # Panics
+    /// If the constraint rows exceed the capacity.
     pub fn skip_constraint(&mut self, rows: usize) {
         self.next_constrained += rows;
         assert!(

@@ -11,8 +11,9 @@ use crate::conflict::Conflicting;
 impl InverseDynamics {
     /// Solves the assembled problem.
     ///
-    /// # Errors [`InverseDynamicsError`] if the constraints are infeasible and relaxation is disabled, or the
-    /// solver reached its limit.
+    /// # Errors
+    /// [`InverseDynamicsError`] if the constraints are infeasible and relaxation is disabled, or the solver
+    /// reached its limit.
     pub fn solve(&mut self) -> Result<&InverseDynamicsSolution, InverseDynamicsError> {
         (self.solution.slack, self.solution.undecided, self.solution.iterations) = (None, 0, 0);
         match self.solve_returning()? {

@@ -34,7 +34,8 @@ impl Rows {
 
     /// Appends a zero row whose entry of `W b` is `desired`, and returns the row for writing.
     ///
-    /// # Panics If the rows exceed the capacity, because a task writes more rows than declared.
+    /// # Panics
+    /// If the rows exceed the capacity, because a task writes more rows than declared.
     pub fn push(&mut self, desired: f64) -> &mut [f64] {
         self.desired[self.count] = desired;
         let variables = self.transposed.nrows();

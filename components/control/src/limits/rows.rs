@@ -41,7 +41,8 @@ impl<'a> LimitRows<'a> {
     /// Appends the row `lower <= row v <= upper`, where `row` has an entry for each velocity. The bounds are
     /// widened if they exclude zero.
     ///
-    /// # Panics If the limit has already written all its rows.
+    /// # Panics
+    /// If the limit has already written all its rows.
     pub fn push(&mut self, row: impl IntoIterator<Item = f64>, lower: f64, upper: f64) {
         self.write(row, lower.min(0.0), upper.max(0.0));
     }
@@ -58,7 +59,8 @@ impl<'a> LimitRows<'a> {
     /// errors would accumulate. If no velocity satisfies all limits, a row beyond its limit stays in place. A
     /// distance that is NaN counts as 0.
     ///
-    /// # Panics If the limit has already written all its rows.
+    /// # Panics
+    /// If the limit has already written all its rows.
     pub fn push_barrier(&mut self, row: impl IntoIterator<Item = f64>, left: f64, rate: f64, recovery: f64) {
         let left = if left.is_nan() { 0.0 } else { left };
         self.write(row, (-rate * left).min(recovery), f64::INFINITY);
@@ -67,7 +69,8 @@ impl<'a> LimitRows<'a> {
     /// Appends a control barrier like [`push_barrier`](Self::push_barrier), with a `row` of opposite sign:
     /// `row v <= max(rate left, -recovery)`.
     ///
-    /// # Panics If the limit has already written all its rows.
+    /// # Panics
+    /// If the limit has already written all its rows.
     pub fn push_upper_barrier(
         &mut self,
         row: impl IntoIterator<Item = f64>,

@@ -145,7 +145,8 @@ impl CartesianTask {
 
     /// Changes the spring and damper from the next update on.
     ///
-    /// # Panics If the task was created without an impedance.
+    /// # Panics
+    /// If the task was created without an impedance.
     pub fn set_impedance(&mut self, impedance: CartesianImpedance) {
         let CartesianImpedance { stiffness, damping, rotational_stiffness, rotational_damping } = impedance;
         let (k, d) = self.equation.springs_mut().expect("a task with an impedance");

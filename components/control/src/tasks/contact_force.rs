@@ -68,7 +68,8 @@ impl ContactForce {
     /// Creates a task for the contact with index `contact` of `dynamics`, with target zero and weight 1
     /// \[1/N\].
     ///
-    /// # Panics If `contact` is out of range.
+    /// # Panics
+    /// If `contact` is out of range.
     pub fn new(dynamics: &InverseDynamics, contact: usize) -> Self {
         let place = &dynamics.contacts[contact];
         let first = dynamics.order.velocities + 3 * place.first_point;

@@ -36,7 +36,8 @@ impl ContactWrench {
     /// Creates a task for the contact with index `contact` of `dynamics`, with target zero and weights 1
     /// \[1/N, 1/Nm\].
     ///
-    /// # Panics If `contact` is out of range.
+    /// # Panics
+    /// If `contact` is out of range.
     pub fn new(dynamics: &InverseDynamics, contact: usize) -> Self {
         let place = &dynamics.contacts[contact];
         let first = dynamics.order.velocities + 3 * place.first_point;

@@ -30,7 +30,8 @@ impl AccelerationMinimum {
 
     /// Sets the weight factor of one acceleration; zero leaves it free.
     ///
-    /// # Panics If `acceleration` is out of range.
+    /// # Panics
+    /// If `acceleration` is out of range.
     pub fn set_share(&mut self, acceleration: usize, share: f64) {
         self.shares[acceleration] = share;
     }

@@ -64,7 +64,8 @@ impl MinimumVelocityTask {
 
     /// Sets the weight factor of one velocity; zero leaves it free.
     ///
-    /// # Panics If `velocity` is out of range.
+    /// # Panics
+    /// If `velocity` is out of range.
     pub fn set_share(&mut self, velocity: usize, share: f64) {
         self.shares[velocity] = share;
     }

@@ -110,7 +110,8 @@ impl PostureTask {
 
     /// Sets the weight factor of one joint; zero leaves the joint free.
     ///
-    /// # Panics If `joint` is out of range.
+    /// # Panics
+    /// If `joint` is out of range.
     pub fn set_share(&mut self, joint: usize, share: f64) {
         self.shares[joint] = share;
     }

@@ -36,7 +36,8 @@ impl CentroidalMpc {
     /// Creates a controller with one contact point per entry of `friction`, the points' friction
     /// coefficients.
     ///
-    /// # Panics If `settings` specify a horizon without steps.
+    /// # Panics
+    /// If `settings` specify a horizon without steps.
     pub fn new(settings: MpcSettings, friction: &[f64]) -> Self {
         assert!(settings.steps > 0, "a horizon without a step");
         let (steps, points) = (settings.steps, friction.len());
@@ -96,8 +97,8 @@ impl CentroidalMpc {
     /// is the inertia of the whole robot about its centre of mass in world axes \[kg m2\], at the reference's
     /// `heading` \[rad\].
     ///
-    /// # Errors [`SolveError`] from the solver. Never infeasible, because zero force satisfies all
-    /// constraints.
+    /// # Errors
+    /// [`SolveError`] from the solver. Never infeasible, because zero force satisfies all constraints.
     pub fn solve(
         &mut self,
         state: &CentroidalState,

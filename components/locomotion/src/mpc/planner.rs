@@ -122,7 +122,8 @@ impl LegPlanner {
     /// Plans a step of `dt` seconds from the measured state. The robot steps at the target velocity `desired`
     /// if `strides` is `true`, and otherwise stands on all feet.
     ///
-    /// # Errors [`SolveError`] from the solver; the previous forces remain valid.
+    /// # Errors
+    /// [`SolveError`] from the solver; the previous forces remain valid.
     pub fn step(
         &mut self,
         state: &MotionState<'_>,

@@ -43,7 +43,8 @@ pub struct Mixer {
 impl Mixer {
     /// Creates a mixer for the rotors of a robot.
     ///
-    /// # Errors [`MixerError`] if there are fewer than four rotors, or their arrangement leaves some torque
+    /// # Errors
+    /// [`MixerError`] if there are fewer than four rotors, or their arrangement leaves some torque
     /// unavailable.
     pub fn new(rotors: &[Propeller]) -> Result<Self, MixerError> {
         if rotors.len() < 4 {

@@ -81,7 +81,8 @@ pub struct WheelBase {
 impl WheelBase {
     /// Creates a base with fixed wheels.
     ///
-    /// # Errors [`WheelError`] if there are fewer than two wheels, or all are on one line along x.
+    /// # Errors
+    /// [`WheelError`] if there are fewer than two wheels, or all are on one line along x.
     pub fn differential(wheels: Vec<Wheel>) -> Result<Self, WheelError> {
         Self::rolling(BaseKind::Differential, wheels)
     }

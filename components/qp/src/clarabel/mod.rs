@@ -117,7 +117,8 @@ impl ClarabelSolver {
     /// Like [`new`](Self::new), with friction cones. Each cone is disabled until
     /// [`set_friction`](Self::set_friction) gives it a coefficient.
     ///
-    /// # Panics If a variable index is out of range or used by two cones.
+    /// # Panics
+    /// If a variable index is out of range or used by two cones.
     pub fn with_cones(structure: Structure, cones: Vec<FrictionCone>, settings: ClarabelSettings) -> Self {
         let friction = vec![None; cones.len()];
         let layout = Layout::new(&structure, cones);
@@ -152,7 +153,8 @@ impl ClarabelSolver {
     /// Sets the coefficient of a friction cone (at least 0), effective from the next update. `None` disables
     /// the cone.
     ///
-    /// # Panics If `cone` is out of range.
+    /// # Panics
+    /// If `cone` is out of range.
     pub fn set_friction(&mut self, cone: usize, friction: Option<f64>) {
         self.friction[cone] = friction.map(|friction| friction.max(0.0));
     }

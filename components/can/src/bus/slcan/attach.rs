@@ -72,8 +72,8 @@ impl Attached {
 
     /// Brings the interface up.
     ///
-    /// # Errors Returns an error if the kernel refuses, since the call requires network administration
-    /// privileges.
+    /// # Errors
+    /// Returns an error if the kernel refuses, since the call requires network administration privileges.
     pub fn bring_up(&self) -> io::Result<()> {
         let socket = std::net::UdpSocket::bind("0.0.0.0:0")?;
         // SAFETY: a request is a plain structure, valid when zeroed; its name is shorter than its buffer and

@@ -172,7 +172,8 @@ impl Request {
 
     /// Decodes the number that the drive confirms after a write.
     ///
-    /// # Errors Returns an error in the same cases as [`value`](Self::value).
+    /// # Errors
+    /// Returns an error in the same cases as [`value`](Self::value).
     pub fn changed_value(&self, frame: &Frame, master: Id) -> Result<Value, DecodeError> {
         self.value_of(WRITE, frame, master)
     }

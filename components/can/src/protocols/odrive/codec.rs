@@ -251,8 +251,9 @@ impl Node {
 
     /// Drive side: decodes the message in a frame.
     ///
-    /// # Errors Returns an error if the frame is for another drive, is not a message to a drive, has another
-    /// length, or contains an invalid number.
+    /// # Errors
+    /// Returns an error if the frame is for another drive, is not a message to a drive, has another length,
+    /// or contains an invalid number.
     pub fn instruction(self, frame: &Frame) -> Result<Instruction, DecodeError> {
         let command = self.command(frame)?;
         let data = frame.data();
@@ -325,8 +326,9 @@ impl Node {
 
     /// Decodes a report of the drive.
     ///
-    /// # Errors Returns an error if the frame comes from another drive, is not a supported report, has
-    /// another length, or contains an invalid number.
+    /// # Errors
+    /// Returns an error if the frame comes from another drive, is not a supported report, has another length,
+    /// or contains an invalid number.
     pub fn report(self, frame: &Frame) -> Result<Report, DecodeError> {
         let command = self.command(frame)?;
         let (first, second) = halves(frame.data())?;

@@ -305,8 +305,8 @@ impl Node {
 
     /// Node side: decodes the setpoints in a frame.
     ///
-    /// # Errors Returns an error if the frame does not contain setpoints for this node, or belongs to another
-    /// mode.
+    /// # Errors
+    /// Returns an error if the frame does not contain setpoints for this node, or belongs to another mode.
     pub fn setpoint_of(self, mode: Mode, frame: &Frame) -> Result<Setpoint, DecodeError> {
         let word = |low, high| u16::from_le_bytes([low, high]);
         if mode == Mode::Torque {

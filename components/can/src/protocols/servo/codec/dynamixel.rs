@@ -115,7 +115,8 @@ pub fn position(step: i32) -> f64 {
 impl State {
     /// Decodes the state in the registers from [`STATE`] on.
     ///
-    /// # Errors Returns an error if the number of registers is wrong, or if the position is beyond 256 turns.
+    /// # Errors
+    /// Returns an error if the number of registers is wrong, or if the position is beyond 256 turns.
     pub fn decode(data: &[u8]) -> Result<Self, DecodeError> {
         let (found, expected) = (data.len(), usize::from(STATE_BYTES));
         if found != expected {

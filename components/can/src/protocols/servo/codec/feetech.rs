@@ -116,8 +116,9 @@ fn with_sign(number: f64, sign: u32) -> u16 {
 impl State {
     /// Decodes the state in the registers from [`TORQUE_ENABLE`] on.
     ///
-    /// # Errors Returns an error if the number of registers is wrong, if torque is neither on nor off, or if
-    /// the position is beyond one turn.
+    /// # Errors
+    /// Returns an error if the number of registers is wrong, if torque is neither on nor off, or if the
+    /// position is beyond one turn.
     pub fn decode(data: &[u8]) -> Result<Self, DecodeError> {
         let (found, expected) = (data.len(), usize::from(STATE_BYTES));
         if found != expected {
