@@ -35,7 +35,7 @@ pub enum FolderError {
     },
     /// The folder already contains a run.
     #[error(
-        "{} holds a training run, expected a folder without one\n\
+        "{} contains a training run, expected a folder without one\n\
          help: {}choose another folder",
         folder.display(),
         if *has_checkpoint { format!("continue it with `motorium learn resume {}`, or ", folder.display()) } else { String::new() }

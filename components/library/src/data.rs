@@ -17,7 +17,7 @@ pub enum DataError {
     NoFile,
     /// A recording has different degrees of freedom from the first.
     #[error(
-        "recording `{id}` of {path} has the degrees of freedom {found}, the first one {expected}: choose common ones by name"
+        "recording `{id}` of {path} has the degrees of freedom {found}, expected {expected} as in the first: choose common ones by name"
     )]
     Names {
         /// Path of the file or folder with the recording.

@@ -71,7 +71,7 @@ impl Superposition {
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum GenerateError {
     /// There are more weights than eigenforces.
-    #[error("{found} weights for {rank} eigenforces")]
+    #[error("found {found} weights, expected at most {rank}, one per eigenforce")]
     Weights {
         /// Number of weights found.
         found: usize,
@@ -79,7 +79,7 @@ pub enum GenerateError {
         rank: usize,
     },
     /// The number of DoFs differs.
-    #[error("a frame of {found} degrees of freedom for a library of {expected}")]
+    #[error("the frame has {found} degrees of freedom, expected {expected} as in the library")]
     Dofs {
         /// Number of DoFs in the frame.
         found: usize,
@@ -87,7 +87,7 @@ pub enum GenerateError {
         expected: usize,
     },
     /// A value is NaN or infinite.
-    #[error("{0}, expected a finite number")]
+    #[error("found {0}, expected a finite number")]
     NotFinite(f64),
     /// The duration is not positive.
     #[error("a duration of {0} s, expected a positive time")]

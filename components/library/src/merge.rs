@@ -18,7 +18,9 @@ pub enum MergeError {
     )]
     Spring(usize),
     /// The libraries use different metrics.
-    #[error("library {index} has the metric {found}, the first {expected}: build both with the same")]
+    #[error(
+        "library {index} has the metric {found}, expected {expected} as in the first: build both with the same"
+    )]
     Metric {
         /// Index of the library, from 1.
         index: usize,
@@ -34,7 +36,7 @@ pub enum MergeError {
     #[error(transparent)]
     Build(#[from] BuildError),
     /// The libraries have different DoFs.
-    #[error("library {index} has the degrees of freedom {found}, the first {expected}")]
+    #[error("library {index} has the degrees of freedom {found}, expected {expected} as in the first")]
     Dofs {
         /// Index of the library, from 1.
         index: usize,

@@ -30,7 +30,7 @@ pub enum GripperEnd {
 
 /// Error of a text that is not a gripper goal.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("`{found}`: expected `open`, `close`, or a position of the fingers' joints in rad or m")]
+#[error("found `{found}`, expected `open`, `close`, or a position of the fingers' joints in rad or m")]
 pub struct GripperTextError {
     /// Text found.
     pub found: String,

@@ -251,7 +251,7 @@ impl PrimitiveFile {
             if values.len() != expected {
                 let found = values.len();
                 return Err(content(format!(
-                    "`{name}` has {found} entries, the primitive {expected} dimensions"
+                    "`{name}` has {found} entries, expected {expected}, one per dimension of the primitive"
                 )));
             }
         }

@@ -82,7 +82,7 @@ pub struct Trajectory {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum RolloutError {
     /// The kind of primitive does not support the override.
-    #[error("a {kind} primitive has {has}: no {lacks}")]
+    #[error("a {kind} primitive accepts {has}, but no {lacks}")]
     Override {
         /// Kind of the primitive.
         kind: &'static str,

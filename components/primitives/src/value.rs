@@ -24,7 +24,7 @@ pub enum ValueError {
         expected: usize,
     },
     /// A number is NaN or infinite.
-    #[error("{name} holds {value}, expected finite numbers only")]
+    #[error("{name} contains {value}, expected only finite numbers")]
     NotFinite {
         /// Name of the quantity.
         name: &'static str,

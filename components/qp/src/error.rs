@@ -73,7 +73,7 @@ impl fmt::Display for Conflict {
 pub enum UpdateError {
     /// A matrix or vector does not have the size required by the structure.
     #[error(
-        "{what} is {}x{}, the solver was built for {}x{}; build a solver for the new structure",
+        "{what} is {}x{}, expected {}x{} as in the solver's structure; build a solver for the new structure",
         found.0, found.1, expected.0, expected.1
     )]
     Shape {
@@ -110,7 +110,7 @@ pub enum UpdateError {
     },
     /// A bound is finite on a side that the structure does not declare.
     #[error(
-        "{constraint} is {value}, but the structure has no bound there; declare the side in the structure"
+        "{constraint} is {value}, but the structure declares no bound on this side; declare the side in the structure"
     )]
     Undeclared {
         /// The constraint.

@@ -38,7 +38,7 @@ with_defaults! {
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum IkError {
     /// The state, a target or a setting is not finite, or a lower limit exceeds an upper limit.
-    #[error("inverse kinematics cannot be posed: {0}")]
+    #[error("the inverse kinematics problem is invalid: {0}")]
     Pose(#[from] UpdateError),
     /// The solver found no solution.
     #[error("inverse kinematics has no solution: {0}")]

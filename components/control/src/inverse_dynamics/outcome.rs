@@ -83,7 +83,7 @@ pub enum FrictionModel {
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum InverseDynamicsError {
     /// The state, a target or a setting is not finite, or a lower limit exceeds an upper limit.
-    #[error("inverse dynamics cannot be posed: {0}")]
+    #[error("the inverse dynamics problem is invalid: {0}")]
     Pose(#[from] UpdateError),
     /// The constraints contradict each other.
     #[error("no motion satisfies all constraints; relax one of the conflicting ones")]

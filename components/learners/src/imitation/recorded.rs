@@ -30,7 +30,9 @@ pub enum RecordedError {
         expected: usize,
     },
     /// The numbers of observations and actions differ, or a row is incomplete.
-    #[error("{observations} numbers of recorded observations do not match {actions} of actions")]
+    #[error(
+        "the recorded observations have {observations} numbers and the actions {actions}, which are not equal numbers of complete rows"
+    )]
     Rows {
         /// Total count of numbers in the observations.
         observations: usize,

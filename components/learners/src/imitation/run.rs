@@ -25,7 +25,7 @@ pub enum RunError {
     #[error(transparent)]
     Folder(#[from] FolderError),
     /// The expert does not fit the task.
-    #[error("the expert: {0}")]
+    #[error("invalid expert: {0}")]
     Expert(#[from] TrainedPolicyError),
     /// The algorithm does not support these sources.
     #[error("{} learns from {expected}", algorithm.name())]

@@ -60,7 +60,7 @@ pub enum CouplingFileError {
         path: PathBuf,
     },
     /// The library in the file is invalid.
-    #[error("{}: its library: {source}", path.display())]
+    #[error("{}: invalid library: {source}", path.display())]
     Library {
         /// Path of the file.
         path: PathBuf,

@@ -140,7 +140,7 @@ pub enum RestoreError {
     #[error("the state does not parse: {0}")]
     Parse(String),
     /// The state belongs to another method.
-    #[error("found the state of {found}, expected {expected}")]
+    #[error("the state belongs to the method {found}, expected {expected}")]
     Method {
         /// Name of the method in the state.
         found: String,
@@ -148,7 +148,7 @@ pub enum RestoreError {
         expected: String,
     },
     /// The state has a different number of parameters.
-    #[error("found a state of {found} parameters, expected {expected}")]
+    #[error("the state has {found} parameters, expected {expected}")]
     Dimensions {
         /// Number of parameters in the state.
         found: usize,

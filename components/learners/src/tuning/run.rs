@@ -65,7 +65,7 @@ pub enum TuningError<E> {
     File(#[from] FileError),
     /// The folder already contains a tuning.
     #[error(
-        "{} holds a tuning, expected a folder without one\n\
+        "{} contains a tuning, expected a folder without one\n\
          help: continue it with `motorium learn resume {}`, or choose another folder",
         folder.display(), folder.display()
     )]

@@ -40,7 +40,7 @@ pub enum FileError {
         found: Vec<u8>,
     },
     /// The version is not supported.
-    #[error("a library of version {found}, this program reads version {VERSION}")]
+    #[error("the library has format version {found}, expected {VERSION}")]
     Version {
         /// Version found.
         found: u32,
@@ -54,7 +54,7 @@ pub enum FileError {
         expected: u64,
     },
     /// The checksum is wrong, because the file was changed after it was written.
-    #[error("its checksum is {found:016x}, expected {expected:016x}: the file is damaged; build it again")]
+    #[error("the checksum is {found:016x}, expected {expected:016x}: the file is damaged; build it again")]
     Checksum {
         /// Checksum of the bytes found.
         found: u64,
@@ -62,7 +62,7 @@ pub enum FileError {
         expected: u64,
     },
     /// The header lacks an entry or contradicts the file.
-    #[error("its head: {0}")]
+    #[error("invalid header: {0}")]
     Head(String),
     /// A section is outside the file, or its size contradicts the header.
     #[error(

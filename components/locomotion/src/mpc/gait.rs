@@ -21,13 +21,13 @@ pub struct Gait {
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum GaitError {
     /// The period is not positive.
-    #[error("a period of {0} s, expected more than 0")]
+    #[error("the gait has a period of {0} s, expected more than 0 s")]
     Period(f64),
     /// The duty factor is not a fraction of the period.
     #[error("a foot is in stance for a fraction {0} of the period, expected more than 0 and less than 1")]
     Duty(f64),
     /// The offset is not a fraction of the period.
-    #[error("an offset of {0} periods, expected from 0 to 1")]
+    #[error("a foot has an offset of {0} periods, expected from 0 to 1")]
     Offset(f64),
 }
 

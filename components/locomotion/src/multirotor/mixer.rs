@@ -20,13 +20,13 @@ pub struct Propeller {
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum MixerError {
     /// The robot has too few rotors.
-    #[error("{found} rotors, expected at least 4: thrust and three torques are four numbers")]
+    #[error("found {found} rotors, expected at least 4 to control the thrust and three torques")]
     Few {
         /// Number of rotors.
         found: usize,
     },
     /// Positions and spin directions leave some torque unavailable.
-    #[error("the positions and spin directions of the rotors leave a torque that they cannot produce")]
+    #[error("the rotors cannot produce every torque, because of their positions and spin directions")]
     Dependent,
 }
 

@@ -37,13 +37,13 @@ pub enum BaseKind {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum WheelError {
     /// There are too few fixed wheels.
-    #[error("{found} fixed wheels, expected at least two, one on each side")]
+    #[error("found {found} fixed wheels, expected at least two, one on each side")]
     Fixed {
         /// Number of fixed wheels.
         found: usize,
     },
     /// There is no steered wheel.
-    #[error("no steered wheel, expected at least one")]
+    #[error("found no steered wheel, expected at least one")]
     Steered,
     /// All fixed wheels are on one line along x.
     #[error("all fixed wheels are in one line, so their speeds do not determine how the base turns")]
@@ -58,7 +58,7 @@ pub enum WheelError {
     #[error("the positions of the mecanum wheels do not determine the velocity of the base")]
     Mecanum,
     /// A radius is not positive.
-    #[error("a radius of {found} m of wheel {wheel}, expected a positive number")]
+    #[error("wheel {wheel} has a radius of {found} m, expected a positive number")]
     Radius {
         /// Index of the wheel.
         wheel: usize,

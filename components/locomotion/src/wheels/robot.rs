@@ -40,7 +40,7 @@ pub enum RobotWheelsError {
     #[error(transparent)]
     Frame(#[from] UnknownFrame),
     /// The number of pose joints is not 3.
-    #[error("{found} joints of [mobile_base], expected 3: x, y, yaw")]
+    #[error("[mobile_base] has {found} joints, expected 3: x, y, yaw")]
     PoseJoints {
         /// Number of joints.
         found: usize,

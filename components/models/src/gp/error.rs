@@ -25,7 +25,7 @@ pub enum GpError {
     },
     /// A hyperparameter is out of range, or the kernel does not match the inputs.
     #[error(
-        "the kernel or noise does not fit inputs of {dimensions} dimensions, expected positive finite parameters"
+        "the kernel does not match inputs of {dimensions} dimensions, or a parameter or the noise is not a positive finite number"
     )]
     Kernel {
         /// Number of input dimensions.

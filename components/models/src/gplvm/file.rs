@@ -69,7 +69,7 @@ pub enum FileError {
         error: serde_json::Error,
     },
     /// Sizes in the file are inconsistent.
-    #[error("{what} does not fit {points} points in {latents} dimensions")]
+    #[error("{what} does not match {points} points in {latents} dimensions")]
     Sizes {
         /// Name of the inconsistent quantity.
         what: String,

@@ -51,7 +51,7 @@ pub struct ChunkArrival {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ChunkError {
     /// The number of values per action differs from the policy's.
-    #[error("actions of {found} numbers, expected {expected}, one for each joint")]
+    #[error("each action has {found} numbers, expected {expected}, one for each joint")]
     Width {
         /// Number of values of an action.
         found: usize,
@@ -59,7 +59,7 @@ pub enum ChunkError {
         expected: usize,
     },
     /// The chunk contains no action, or an incomplete action.
-    #[error("{count} numbers, expected whole actions of {width}")]
+    #[error("the chunk has {count} numbers, expected whole actions of {width} numbers")]
     Uneven {
         /// Number of values of the chunk.
         count: usize,
@@ -67,7 +67,7 @@ pub enum ChunkError {
         width: usize,
     },
     /// The chunk has more values than the plan can store.
-    #[error("{count} numbers, expected at most {most}")]
+    #[error("the chunk has {count} numbers, expected at most {most}")]
     Long {
         /// Number of values of the chunk.
         count: usize,
@@ -75,7 +75,7 @@ pub enum ChunkError {
         most: usize,
     },
     /// The period is 0, or the end of the chunk overflows the clock.
-    #[error("a period of {period} ns, expected above 0 and an end within the clock")]
+    #[error("the period is {period} ns, expected more than 0 and an end within the range of the clock")]
     Period {
         /// Time between two actions \[ns\].
         period: u64,

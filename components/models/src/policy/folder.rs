@@ -75,7 +75,7 @@ pub enum NetworkMismatch {
     },
     /// The recurrent inputs do not match the recurrent outputs.
     #[error(
-        "input \"{input}\" has no recurrent state to read; help: the outputs behind the action are expected in the order and with the shapes of the inputs behind the observation"
+        "the recurrent input \"{input}\" has no matching output; help: give the outputs after the action the order and the shapes of the inputs after the observation"
     )]
     State {
         /// Name of the recurrent input.

@@ -30,7 +30,9 @@ pub enum DemonstrationError {
         found: f64,
     },
     /// The matrices differ in shape.
-    #[error("{name} have the shape {found:?} (samples, dimensions), the positions {expected:?}")]
+    #[error(
+        "{name} have the shape {found:?} (samples, dimensions), expected {expected:?} as for the positions"
+    )]
     Shape {
         /// Name of the derivative.
         name: &'static str,

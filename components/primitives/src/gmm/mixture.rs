@@ -21,7 +21,7 @@ pub enum GmmError {
     #[error(transparent)]
     Value(#[from] ValueError),
     /// There are too few samples for the number of components.
-    #[error("{samples} samples cannot fill {components} components")]
+    #[error("found {samples} samples, expected at least one for each of {components} components")]
     TooFew {
         /// Number of samples found.
         samples: usize,
@@ -29,7 +29,7 @@ pub enum GmmError {
         components: usize,
     },
     /// A sample is not finite.
-    #[error("sample {sample} holds {value}, expected finite numbers only")]
+    #[error("sample {sample} contains {value}, expected only finite numbers")]
     NotFinite {
         /// Index of the sample, from 0.
         sample: usize,

@@ -15,7 +15,7 @@ pub enum ProMpError {
         found: usize,
     },
     /// A covariance is not positive definite.
-    #[error("{name} is not positive definite: give it a larger variance, or the fit a larger jitter")]
+    #[error("{name} is not positive definite: increase its variance, or the jitter of the fit")]
     NotPositive {
         /// Name of the matrix.
         name: &'static str,

@@ -40,7 +40,7 @@ pub enum ReachError {
     #[error("no goal given, expected at least one")]
     NoSegments,
     /// The goal is not a finite pose.
-    #[error("the pose of goal {segment} holds numbers that are not finite")]
+    #[error("the pose of goal {segment} contains numbers that are not finite")]
     Goal {
         /// Index of the goal, from 0.
         segment: usize,
@@ -67,10 +67,10 @@ pub enum ReachError {
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum SteerError {
     /// The reach was steered before it was started.
-    #[error("the reach has not been started, so it has no pose to be steered from")]
+    #[error("the reach has not been started, so it has no pose yet")]
     NotStarted,
     /// The segment does not exist.
-    #[error("there is no segment {segment}: there are {segments}, counted from 0")]
+    #[error("there is no segment {segment}, expected an index below {segments}")]
     NoSuchSegment {
         /// Index requested.
         segment: usize,

@@ -6,7 +6,7 @@ use crate::dmp::Variant;
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum MoveError {
     /// A vector's length differs from the number of dimensions.
-    #[error("{name} has {found} entries, the primitive {expected} dimensions")]
+    #[error("{name} has {found} entries, expected {expected}, one per dimension of the primitive")]
     Dimensions {
         /// Name of the vector.
         name: &'static str,
@@ -16,7 +16,7 @@ pub enum MoveError {
         expected: usize,
     },
     /// A number is NaN or infinite.
-    #[error("{name} holds {value}, expected finite numbers only")]
+    #[error("{name} contains {value}, expected only finite numbers")]
     NotFinite {
         /// Name of the vector.
         name: &'static str,
