@@ -28,7 +28,7 @@ use nalgebra::DMatrix;
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum RiccatiError {
     /// A matrix has the wrong size.
-    #[error("`{name}` is {found:?}, expected {expected:?} rows and columns")]
+    #[error("matrix `{name}` has the size {found:?} (rows, columns), expected {expected:?}")]
     Size {
         /// Name of the matrix.
         name: &'static str,
@@ -38,7 +38,7 @@ pub enum RiccatiError {
         expected: (usize, usize),
     },
     /// A number is not finite.
-    #[error("`{0}` has a number that is not finite")]
+    #[error("matrix `{0}` contains a number that is not finite")]
     NotFinite(&'static str),
     /// A matrix is not symmetric and positive (semi-)definite.
     #[error("`{0}` is not symmetric and positive {definite}", definite = if *.0 == "r" { "definite" } else { "semi-definite" })]

@@ -10,11 +10,11 @@ use crate::{BuildError, Entry, Frame, Layout, LayoutError, LibraryParts, Metric,
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum MergeError {
     /// There are fewer than two libraries.
-    #[error("{0} libraries, expected at least two")]
+    #[error("found {0} libraries, expected at least two")]
     TooFew(usize),
     /// The libraries use different springs. Contains the index of the library that differs, from 1.
     #[error(
-        "library {0} has another spring, number of samples or interpolation than the first: build both with the same"
+        "library {0} differs from the first in its spring, number of samples or interpolation: build both with the same"
     )]
     Spring(usize),
     /// The libraries use different metrics.

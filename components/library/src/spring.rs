@@ -53,7 +53,7 @@ pub const DAMPING: f64 = 25.0;
 /// Error of steps that are too long for a stable spring.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[error(
-    "{samples} samples with a damping of {damping}: expected a positive damping and more than {least} samples, for stable steps"
+    "found {samples} samples with a damping of {damping}, expected a positive damping and more than {least} samples for stable steps"
 )]
 pub struct SpringError {
     samples: usize,

@@ -29,7 +29,7 @@ pub struct Tensors<T = f32> {
 pub enum SafetensorsError {
     /// The file ends within its header.
     #[error(
-        "{found} bytes, expected a header of {expected} bytes and eight for its length; is it a safetensors file?"
+        "the file has {found} bytes, expected a header of {expected} bytes and 8 bytes for its length; is it a safetensors file?"
     )]
     Short {
         /// Length of the file in bytes.

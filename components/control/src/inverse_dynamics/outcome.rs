@@ -86,7 +86,7 @@ pub enum InverseDynamicsError {
     #[error("the inverse dynamics problem is invalid: {0}")]
     Pose(#[from] UpdateError),
     /// The constraints contradict each other.
-    #[error("no motion satisfies all constraints; relax one of the conflicting ones")]
+    #[error("no motion satisfies all constraints; relax one of the conflicting constraints")]
     Infeasible(Conflicting),
     /// The solver found no solution.
     #[error("inverse dynamics has no solution: {0}")]

@@ -122,7 +122,7 @@ pub enum StudyError {
     #[error(transparent)]
     Network(#[from] OnnxError),
     /// The observations or actions of the task differ from a cart-pole's.
-    #[error("the task has {inputs} observations and {actions} actions, expected 4 and 2, as of a cart-pole")]
+    #[error("the task has {inputs} observations and {actions} actions, expected 4 and 2 as for a cart-pole")]
     Task {
         /// Length of an observation.
         inputs: usize,

@@ -42,7 +42,7 @@ pub enum RunError {
     },
     /// The run cannot be continued, because it has no checkpoint.
     #[error(
-        "{} has no {CHECKPOINT}: a run of imitation cannot be continued\n\
+        "{} has no {CHECKPOINT}: a run of imitation learning cannot be continued\n\
          help: train again into another folder",
         folder.display()
     )]

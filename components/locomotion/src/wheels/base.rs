@@ -46,10 +46,10 @@ pub enum WheelError {
     #[error("found no steered wheel, expected at least one")]
     Steered,
     /// All fixed wheels are on one line along x.
-    #[error("all fixed wheels are in one line, so their speeds do not determine how the base turns")]
+    #[error("all fixed wheels are on one line, so their speeds do not determine the rotation of the base")]
     OneLine,
     /// A steered wheel is on the axle of the fixed wheels.
-    #[error("steered wheel {wheel} is on the axle of the fixed wheels: it cannot steer")]
+    #[error("steered wheel {wheel} is on the axle of the fixed wheels, where it cannot steer the base")]
     OnAxle {
         /// Index of the wheel.
         wheel: usize,

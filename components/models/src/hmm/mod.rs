@@ -46,7 +46,7 @@ pub enum HmmError {
         expected: usize,
     },
     /// A list is not a probability distribution.
-    #[error("{what} sums to {sum}, expected probabilities of 0 or more with sum 1")]
+    #[error("{what} sums to {sum}, expected nonnegative probabilities with sum 1")]
     Probability {
         /// Description of the distribution.
         what: String,
@@ -62,7 +62,7 @@ pub enum HmmError {
         state: usize,
     },
     /// A sequence is impossible: its likelihood is zero.
-    #[error("observation {row} is impossible in every state that can be reached, or not finite")]
+    #[error("observation {row} is impossible in all reachable states, or is not finite")]
     Impossible {
         /// Row of the sequence, from 0.
         row: usize,

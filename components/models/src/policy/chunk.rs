@@ -81,7 +81,7 @@ pub enum ChunkError {
         period: u64,
     },
     /// The first action is too far in the future.
-    #[error("the first action is {ahead} ns ahead, expected at most 10 s")]
+    #[error("the first action is {ahead} ns in the future, expected at most 10 s")]
     Future {
         /// Lead of the first action over the current time \[ns\].
         ahead: u64,

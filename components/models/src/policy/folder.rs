@@ -58,7 +58,9 @@ pub enum PolicyFolderError {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum NetworkMismatch {
     /// The network reads an observation of another size.
-    #[error("the first input is {found:?}, expected {expected} numbers in a row as in `observations`")]
+    #[error(
+        "the first input has the shape {found:?}, expected one row of {expected} numbers as in `observations`"
+    )]
     Inputs {
         /// Shape of the first input; empty if the network has no input.
         found: Vec<usize>,
@@ -66,7 +68,9 @@ pub enum NetworkMismatch {
         expected: usize,
     },
     /// The network computes an action of another size.
-    #[error("the first output is {found:?}, expected {expected} numbers in a row as in `action`")]
+    #[error(
+        "the first output has the shape {found:?}, expected one row of {expected} numbers as in `action`"
+    )]
     Outputs {
         /// Shape of the first output; empty if the network has no output.
         found: Vec<usize>,

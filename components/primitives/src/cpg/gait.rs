@@ -30,7 +30,7 @@ pub enum Gait {
 
 /// Error of a gait that is not defined for this number of legs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{legs} legs have no {gait} gait: {}", advice(*.legs))]
+#[error("the {gait} gait is not defined for {legs} legs: {}", advice(*.legs))]
 pub struct GaitError {
     /// Requested gait.
     pub gait: Gait,
@@ -113,7 +113,7 @@ mod tests {
     #[test]
     fn gait_for_another_leg_count_is_rejected_with_alternatives() {
         let error = Gait::Tripod.phases(4).unwrap_err().to_string();
-        assert_eq!(error, "4 legs have no tripod gait: use walk, trot, pace or bound");
+        assert_eq!(error, "the tripod gait is not defined for 4 legs: use walk, trot, pace or bound");
         assert!(Gait::Walk.phases(5).unwrap_err().to_string().contains("two, four and six"));
     }
 

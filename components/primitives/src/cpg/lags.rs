@@ -17,7 +17,7 @@ pub struct Lag {
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum LagError {
     /// An index is out of range.
-    #[error("lag of oscillator {found}: out of range, expected an index below {oscillators}")]
+    #[error("a lag refers to oscillator {found}, expected an index below {oscillators}")]
     NoSuchOscillator {
         /// Index found.
         found: usize,
@@ -149,6 +149,6 @@ mod tests {
     #[test]
     fn unknown_oscillator_is_rejected_by_index() {
         let error = consistent_phases(2, &[lag(0, 5, 1.0)]).unwrap_err().to_string();
-        assert_eq!(error, "lag of oscillator 5: out of range, expected an index below 2");
+        assert_eq!(error, "a lag refers to oscillator 5, expected an index below 2");
     }
 }

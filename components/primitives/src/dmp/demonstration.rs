@@ -15,7 +15,7 @@ pub struct Demonstration {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum DemonstrationError {
     /// There are too few samples to differentiate twice.
-    #[error("{found} samples, expected at least 4, because they are differentiated twice")]
+    #[error("found {found} samples, expected at least 4, because they are differentiated twice")]
     TooShort {
         /// Number of samples found.
         found: usize,
@@ -42,7 +42,9 @@ pub enum DemonstrationError {
         expected: (usize, usize),
     },
     /// A sample is not finite.
-    #[error("sample {sample}, dimension {dimension} is {value}: cut the recording or fill the gap")]
+    #[error(
+        "sample {sample}, dimension {dimension} is {value}, expected a finite number: cut the recording or fill the gap"
+    )]
     NotFinite {
         /// Index of the sample.
         sample: usize,

@@ -9,7 +9,7 @@ pub enum ProMpError {
     #[error(transparent)]
     Value(#[from] ValueError),
     /// There are too few demonstrations to estimate the variation.
-    #[error("{found} demonstrations, expected at least 2: a covariance needs more than one; record another")]
+    #[error("found {found} demonstrations, expected at least 2 to estimate a covariance; record another")]
     TooFew {
         /// Number of demonstrations found.
         found: usize,

@@ -78,13 +78,13 @@ pub enum SteerError {
         segments: usize,
     },
     /// The speed factor is invalid.
-    #[error("a speed factor of {found}, expected a finite number of at least 0")]
+    #[error("the speed factor is {found}, expected a finite number of at least 0")]
     Speed {
         /// Speed factor found.
         found: f64,
     },
     /// The shape of a segment in progress cannot change.
-    #[error("segment {segment} is in progress: its shape can change when the end effector has arrived")]
+    #[error("segment {segment} is in progress: change its shape after the end effector has arrived")]
     UnderWay {
         /// Index of the segment, from 0.
         segment: usize,

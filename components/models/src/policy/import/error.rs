@@ -31,7 +31,7 @@ pub enum ImportError {
     #[error("no `{0}` in the metadata of the file; help: export it with mjlab, which adds it")]
     Missing(&'static str),
     /// An entry of the metadata is not a list of numbers.
-    #[error("`{key}` has \"{found}\", expected numbers separated by commas")]
+    #[error("`{key}` is \"{found}\", expected numbers separated by commas")]
     Number {
         /// Key of the entry.
         key: &'static str,
@@ -97,7 +97,7 @@ pub enum ImportError {
     },
     /// The total size of the observation terms differs from the network's input.
     #[error(
-        "the observation terms have {expected} numbers, the network reads {found}; help: pass a history of several steps with `--history`"
+        "the observation terms have {expected} numbers, but the network reads {found}; help: pass a history of several steps with `--history`"
     )]
     Width {
         /// Size of the network's input.

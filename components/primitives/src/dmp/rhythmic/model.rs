@@ -54,7 +54,7 @@ pub struct StoredRhythmicModel {
 pub enum PeriodError {
     /// A period has too few samples.
     #[error(
-        "{found} samples in one period, expected at least 4 and at least one for each of the {kernels} kernels"
+        "found {found} samples in one period, expected at least 4 and at least one for each of the {kernels} kernels"
     )]
     TooShort {
         /// Number of samples found.
@@ -76,7 +76,7 @@ pub enum PeriodError {
         expected: usize,
     },
     /// A sample is not finite.
-    #[error("a sample is {value}: cut the recording or fill the gap")]
+    #[error("a sample is {value}, expected a finite number: cut the recording or fill the gap")]
     NotFinite {
         /// Value found.
         value: f64,
