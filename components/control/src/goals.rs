@@ -75,8 +75,8 @@ impl GoalSummary {
     }
 }
 
-/// A recorder of the error at each goal. The error counts that of the last tick before the target leaves the
-/// goal, or before the run ends.
+/// A recorder of the error at each goal: the error at the last tick before the target leaves the goal, or
+/// before the run ends.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct GoalRecord {
     tolerance: GoalTolerance,

@@ -41,7 +41,7 @@ pub struct A2cSettings {
     pub horizon: usize,
     /// Learning rate of Adam, more than 0. Default 7e-4.
     pub rate: f64,
-    /// Lowers the learning rate linearly to 0 over the run. Default false.
+    /// `true` lowers the learning rate linearly to 0 over the run. Default false.
     pub anneal: bool,
     /// Discount factor per step, more than 0, less than 1. Default 0.99.
     pub discount: f64,

@@ -44,8 +44,8 @@ impl Superposition {
         Self { weights: (0..n).map(mix).collect(), frame: self.frame.towards(&other.frame, part) }
     }
 
-    /// Returns the movement translated to a new start (if given), then with a new goal and duration (if
-    /// given, s).
+    /// Returns the movement with a new start, goal and duration \[s\], each if given. A new start translates
+    /// the movement, including its goal, before a new goal is set.
     #[must_use]
     pub fn placed(mut self, start: Option<&[f64]>, goal: Option<&[f64]>, duration: Option<f64>) -> Self {
         if let Some(start) = start {

@@ -19,7 +19,7 @@ pub struct Equation {
     pub error_rate: DVector<f64>,
     /// Drift `J' v`, the part of `(J v)'` that does not depend on the acceleration.
     pub drift: DVector<f64>,
-    /// Requested motion of the error.
+    /// Requested response to the error.
     pub response: Response,
     /// Selection matrices `S` of rows 0 to 2 and rows 3 to 5. They apply to the error `e` and its rate, but
     /// not to `J`, `nu`, `nu'` and `J' v`: a formulation requests `S e`. Default: the identity.

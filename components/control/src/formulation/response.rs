@@ -50,7 +50,7 @@ impl Feedback {
     }
 }
 
-/// The requested motion of an error.
+/// Requested response of a task to its error.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Response {
     /// Rate at which the error decays under velocity control \[1/s\].

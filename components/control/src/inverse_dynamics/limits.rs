@@ -39,8 +39,8 @@ impl InverseDynamics {
     /// bounds on the accelerations of a tick of `dt` seconds.
     ///
     /// This is a second-order control barrier. A limit of a distance `h` requires `h' >= -rate h`, which
-    /// defines a second barrier `e = upper - G v`. This barrier may shrink no faster than at `barrier_rate
-    /// e`. In discrete time, with the robot at `q' = q + v dt` in the next tick,
+    /// defines a second barrier `e = upper - G v`. This barrier may shrink no faster than at
+    /// `barrier_rate e`. In discrete time, with the robot at `q' = q + v dt` in the next tick,
     ///
     /// ```text
     /// e = upper(q') - G(q') v

@@ -40,7 +40,7 @@ const ROLLOUTS: u64 = 25;
 /// Increase of the return that multiplies PoWER's positive reward by e.
 const TEMPERATURE: f64 = 3.0;
 
-/// Meaning of the weights that a search varies.
+/// Kind of the weights that a search varies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Weights {
@@ -130,7 +130,7 @@ pub struct Point {
 /// Learning curve of one search.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Trial {
-    /// Meaning of the weights.
+    /// Kind of the weights.
     pub weights: Weights,
     /// Number of weights.
     pub count: usize,

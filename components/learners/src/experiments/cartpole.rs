@@ -70,7 +70,7 @@ pub enum Beginning {
 }
 
 impl Beginning {
-    /// All beginnings.
+    /// All initial policies.
     pub const ALL: [Self; 2] = [Self::Imitation, Self::Scratch];
 
     /// Returns the name in figures.

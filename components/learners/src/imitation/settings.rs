@@ -24,7 +24,7 @@ pub struct ImitationSettings {
     pub minibatch: usize,
     /// Learning rate of Adam, more than 0. Default 1e-3.
     pub rate: f64,
-    /// Lowers the learning rate linearly to 0 over the passes of an iteration. Default false.
+    /// `true` lowers the learning rate linearly to 0 over the passes of an iteration. Default false.
     pub anneal: bool,
     /// Number of hidden units of each layer; an empty list means a linear policy. Default 64 and 64.
     pub hidden: Vec<usize>,

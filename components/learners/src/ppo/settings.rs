@@ -24,8 +24,8 @@ pub struct PpoSettings {
     pub minibatch: usize,
     /// Learning rate of Adam, more than 0. Default 3e-4.
     pub rate: f64,
-    /// Lowers the learning rate linearly to 0 over the run. As in CleanRL, an update uses the rate at the
-    /// first step of its horizon; Stable-Baselines3 uses the rate at the last step. Default true.
+    /// `true` lowers the learning rate linearly to 0 over the run. As in CleanRL, an update uses the rate at
+    /// the first step of its horizon; Stable-Baselines3 uses the rate at the last step. Default true.
     pub anneal: bool,
     /// Target divergence between the policy before and after an update, more than 0. The learning rate is
     /// divided by 1.5 above twice the target and multiplied by 1.5 below half the target (rsl_rl). Replaces

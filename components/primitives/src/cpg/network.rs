@@ -119,9 +119,9 @@ impl PhaseNetwork {
         Ok(network)
     }
 
-    /// Creates a network with one node per leg. Every leg is coupled to every other leg with `weight / (A (n
-    /// - 1))`. A deviation from the gait then decays at about `weight` (1/s), independently of the number of
-    /// legs and their amplitude.
+    /// Creates a network with one node per leg. Every leg is coupled to every other leg with
+    /// `weight / (A (n - 1))`. A deviation from the gait then decays at about `weight` (1/s), independently of
+    /// the number of legs and their amplitude.
     ///
     /// # Errors
     /// [`CpgError`] if the gait is not defined for this number of legs, or a number is out of range.

@@ -183,8 +183,8 @@ impl ProMp {
     }
 
     /// Returns the primitive conditioned to pass `place` at `phase` with the covariance `noise` (`D x D`;
-    /// zero means exactly): `L = Sigma Phi (noise + Phi^T Sigma Phi)^-1`, `mu + L (place - Phi^T mu)`, `Sigma
-    /// - L Phi^T Sigma`.
+    /// zero means exactly): `L = Sigma Phi (noise + Phi^T Sigma Phi)^-1`, `mu + L (place - Phi^T mu)`,
+    /// `Sigma - L Phi^T Sigma`.
     ///
     /// # Errors
     /// [`ProMpError`] if sizes do not match, a number is not finite, or the position is already known

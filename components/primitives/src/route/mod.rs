@@ -109,7 +109,7 @@ impl Default for RouteSettings {
 pub struct RouteStep {
     /// Commanded velocity in the axes of the base.
     pub command: Place,
-    /// Desired pose, if the base is about to leave a stop or stays at the last stop.
+    /// Desired pose of the stop that the base is about to leave, or of the last stop; `None` otherwise.
     pub stopped: Option<Place>,
     /// Distance of the base from its straight line \[m\].
     pub beside: Option<f64>,
