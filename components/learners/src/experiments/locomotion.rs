@@ -42,7 +42,7 @@ pub const PARAMETERS: [GaitParameter; DIMENSIONS] = [
     GaitParameter { name: "hip angle, rad", range: [0.6, 1.0], hand_set: 0.8 },
 ];
 
-/// Returns the hand-set gait.
+/// Returns the parameters of the hand-set gait.
 pub fn hand_set() -> [f64; DIMENSIONS] {
     PARAMETERS.map(|parameter| parameter.hand_set)
 }

@@ -102,8 +102,8 @@ impl ActiveSetSolver {
         })
     }
 
-    /// Warm-starts the next solve with these rows and bounds and their multipliers instead of the previous
-    /// ones. They affect the number of iterations but not the solution. Use values from a similar problem.
+    /// Sets the initial working set of the next solve: rows and bounds with their multipliers, such as from a
+    /// similar problem. The initial working set affects the number of iterations but not the solution.
     ///
     /// ```
     /// use motorium_qp::{ActiveSetSettings, ActiveSetSolver, Problem};

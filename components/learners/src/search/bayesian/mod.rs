@@ -56,7 +56,7 @@ pub struct BayesianSettings {
     /// Number of points at which the acquisition function is evaluated before the local search, at least 1.
     /// Default 2000.
     pub points: usize,
-    /// Number of points, the best of them, that a local search improves, at least 1. Default 5.
+    /// Number of the best of these points that a local search improves, at least 1. Default 5.
     pub starts: usize,
     /// Number of rewards between two fits of the hyperparameters, at least 1. Default 5. In between, each
     /// reward is added to the model in `O(n^2)`.
