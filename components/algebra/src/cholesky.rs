@@ -5,7 +5,7 @@ use pulp::Arch;
 use super::Simd;
 use super::tiles::{COLUMNS, Factor, Gram, InvertTriangle, ROWS, SolveColumns};
 
-/// The error of [`Cholesky::factorise`].
+/// Error of a matrix that is not positive definite.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[error("the matrix is not positive definite: pivot {row} of {size} is {pivot:e}, expected more than 0")]
 pub struct NotPositiveDefinite {
@@ -13,7 +13,7 @@ pub struct NotPositiveDefinite {
     pub row: usize,
     /// Number of rows of the matrix.
     pub size: usize,
-    /// The pivot.
+    /// Value of the pivot.
     pub pivot: f64,
 }
 
@@ -55,7 +55,7 @@ fn padded(n: usize) -> usize {
 }
 
 impl Cholesky {
-    /// Creates an empty factor with room for `capacity` rows.
+    /// Creates an empty factor for up to `capacity` rows.
     pub fn with_capacity(capacity: usize) -> Self {
         let stride = padded(capacity);
         let factor = vec![0.0; stride * stride];
@@ -63,25 +63,26 @@ impl Cholesky {
         Self { n: 0, stride, factor, triangle: vec![], removed, columns: vec![], arch: Arch::new() }
     }
 
-    /// Number of rows of the matrix.
+    /// Returns the number of rows of the matrix.
     pub fn size(&self) -> usize {
         self.n
     }
 
-    /// Distance between rows of [`inverse`](Self::inverse), in values.
+    /// Returns the distance between rows of [`inverse`](Self::inverse), in values.
     pub fn stride(&self) -> usize {
         self.stride
     }
 
-    /// Row `row` of `U`, from the diagonal on.
+    /// Returns row `row` of `U`, starting at the diagonal.
     pub fn row(&self, row: usize) -> &[f64] {
         &self.factor[row * self.stride + row..row * self.stride + self.n]
     }
 
-    /// Factorises a matrix with `n` rows; `fill` writes row `i` from the diagonal on.
+    /// Factorises a matrix with `n` rows. `fill(i, values)` must write row `i` to `values`, starting at the
+    /// diagonal.
     ///
     /// # Errors
-    /// A pivot is not positive; the factor is then empty.
+    /// [`NotPositiveDefinite`] if a pivot is not positive. The factor is then empty.
     pub fn factorise(
         &mut self,
         n: usize,
@@ -212,7 +213,7 @@ impl Cholesky {
     /// Appends a row and column to the matrix, in `O(n^2)`; `column` contains the entries above the diagonal.
     ///
     /// # Errors
-    /// The larger matrix is not positive definite; the factor is then unchanged.
+    /// [`NotPositiveDefinite`] if the larger matrix is not positive definite. The factor is then unchanged.
     ///
     /// # Panics
     /// If the length of `column` differs from the number of rows.
@@ -241,7 +242,7 @@ impl Cholesky {
     /// Removes row and column `index` of the matrix, in `O(n^2)`.
     ///
     /// # Panics
-    /// If the row does not exist.
+    /// If `index` is out of range.
     pub fn remove(&mut self, index: usize) {
         assert!(index < self.n, "row {index} of {}", self.n);
         let (n, stride) = (self.n, self.stride);

@@ -7,7 +7,7 @@ use super::symmetric::Decomposed;
 /// Selection of singular vectors.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Wanted {
-    /// All singular vectors whose values exceed rounding.
+    /// All singular vectors whose singular values exceed rounding.
     All,
     /// At most this number of singular vectors.
     Rank(usize),
@@ -19,11 +19,12 @@ pub enum Wanted {
 /// Left singular vectors and singular values of a matrix.
 #[derive(Clone, Debug)]
 pub struct LeftSingular {
-    /// Orthonormal left singular vectors, one per column: the selected ones that were found.
+    /// Orthonormal left singular vectors, one per column. There may be fewer than requested if the others are
+    /// within rounding.
     pub vectors: DMatrix<f64>,
-    /// Singular values of the vectors, the largest first.
+    /// Singular values of these vectors, in descending order.
     pub values: Vec<f64>,
-    /// All singular values, the largest first. Values without a vector are accurate to about 1e-13 of the
+    /// All singular values, in descending order. Values without a vector are accurate to about 1e-13 of the
     /// largest.
     pub spectrum: Vec<f64>,
     /// Sum of the squares of all entries of the matrix.
@@ -72,7 +73,7 @@ pub fn left_singular(matrix: &DMatrix<f64>, wanted: Wanted) -> LeftSingular {
     found
 }
 
-/// Returns the number of selected singular values.
+/// Returns the number of singular values that `wanted` selects.
 pub fn count_wanted(values: &[f64], energy: f64, wanted: Wanted) -> usize {
     match wanted {
         Wanted::All => values.len(),

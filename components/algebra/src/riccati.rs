@@ -28,9 +28,9 @@ use nalgebra::DMatrix;
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum RiccatiError {
     /// A matrix has the wrong size.
-    #[error("`{name}` is {found:?}, expected {expected:?} rows and columns")]
+    #[error("matrix `{name}` has the size {found:?} (rows, columns), expected {expected:?}")]
     Size {
-        /// The matrix.
+        /// Name of the matrix.
         name: &'static str,
         /// Rows and columns found.
         found: (usize, usize),
@@ -38,7 +38,7 @@ pub enum RiccatiError {
         expected: (usize, usize),
     },
     /// A number is not finite.
-    #[error("`{0}` has a number that is not finite")]
+    #[error("matrix `{0}` contains a number that is not finite")]
     NotFinite(&'static str),
     /// A matrix is not symmetric and positive (semi-)definite.
     #[error("`{0}` is not symmetric and positive {definite}", definite = if *.0 == "r" { "definite" } else { "semi-definite" })]
@@ -50,12 +50,12 @@ pub enum RiccatiError {
     NotStabilisable,
 }
 
-/// A linear-quadratic regulator.
+/// A linear-quadratic regulator `u = -K x`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Regulator {
-    /// The gain `K` of `u = -K x`, inputs x states.
+    /// Gain `K`, inputs x states.
     pub gain: DMatrix<f64>,
-    /// The cost matrix `P` of `x' P x`.
+    /// Matrix `P` of the cost `x' P x`.
     pub cost: DMatrix<f64>,
 }
 
@@ -71,12 +71,12 @@ const RESIDUAL: f64 = 1e-8;
 /// Returns the stabilising solution `P` of the discrete algebraic Riccati equation.
 ///
 /// Uses the structure-preserving doubling algorithm (Chu, Fan, Lin and Wang, *Int. J. Control* 77(8), 2004):
-/// each iteration doubles the horizon of the cost. It converges quadratically. It allocates, so call it
-/// before the loop. Modes that do not decay must be controllable and have a cost. Otherwise the cost of a
-/// longer horizon does not converge to the stabilising solution.
+/// each iteration doubles the horizon of the cost, so it converges quadratically. The function allocates;
+/// call it outside the control loop. Modes that do not decay must be controllable and have a cost. Otherwise
+/// the cost of a longer horizon does not converge to the stabilising solution.
 ///
 /// # Errors
-/// [`RiccatiError`].
+/// [`RiccatiError`] if the matrices are invalid or no stabilising solution was found.
 pub fn solve(
     a: &DMatrix<f64>,
     b: &DMatrix<f64>,
@@ -114,10 +114,10 @@ pub fn solve(
     Err(RiccatiError::NotStabilisable)
 }
 
-/// Returns the optimal regulator.
+/// Returns the optimal infinite-horizon regulator of a discrete-time linear system.
 ///
 /// # Errors
-/// [`RiccatiError`].
+/// [`RiccatiError`] if the matrices are invalid or no stabilising solution was found.
 pub fn lqr(
     a: &DMatrix<f64>,
     b: &DMatrix<f64>,
@@ -129,11 +129,11 @@ pub fn lqr(
     Ok(Regulator { gain, cost })
 }
 
-/// Returns the gains of `steps` steps, in order, for the terminal cost `last`, by the backward Riccati
+/// Returns the regulators of `steps` steps, in order, for the terminal cost `last`, by the backward Riccati
 /// recursion.
 ///
 /// # Errors
-/// [`RiccatiError`] if a size differs, a number is not finite, or a matrix is not positive.
+/// [`RiccatiError`] if a size differs, a number is not finite, or a matrix is not positive (semi-)definite.
 pub fn finite_horizon(
     (a, b): (&DMatrix<f64>, &DMatrix<f64>),
     (q, r): (&DMatrix<f64>, &DMatrix<f64>),

@@ -2,7 +2,7 @@
 
 use nalgebra::DMatrix;
 
-/// Eigenvalues, ascending, and orthonormal eigenvectors of `diag(d) + z z^T`.
+/// Eigenvalues, in ascending order, and orthonormal eigenvectors of `diag(d) + z z^T`.
 #[derive(Clone, Debug)]
 pub struct RankOne {
     /// Eigenvalues, ascending.

@@ -2,7 +2,7 @@
 
 use pulp::{Arch, Simd as Instructions, WithSimd};
 
-/// The vector instructions of this machine. Cheap to copy; detect them once.
+/// Vector instructions of this machine. Cheap to copy; detect them once with [`new`](Self::new).
 #[derive(Clone, Copy, Debug)]
 pub struct Simd(Arch);
 

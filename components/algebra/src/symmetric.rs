@@ -12,7 +12,7 @@ const DIRECT: usize = 24;
 /// Eigenvalues, descending, and orthonormal eigenvectors of a symmetric matrix.
 #[derive(Clone, Debug)]
 pub struct SymmetricEigen {
-    /// Eigenvalues, the largest first.
+    /// Eigenvalues, in descending order.
     pub values: Vec<f64>,
     /// Eigenvectors, one per column, in the order of the values.
     pub vectors: DMatrix<f64>,

@@ -6,10 +6,11 @@ use motorium::prelude::*;
 use motorium_robots::{Model, PerJoint};
 use nalgebra::{DVector, Isometry3, Quaternion, Translation3, UnitQuaternion};
 
-/// Returns the value if it is within `range`. An end of `f64::MIN` or `f64::MAX` means no limit.
+/// Returns `value` if it is within `range`. An end of `f64::MIN` or `f64::MAX` means that this side is
+/// unlimited.
 ///
 /// # Errors
-/// [`ConfigError`] of this key if the value is outside `range` or not finite.
+/// [`ConfigError`] for `key` if the value is outside `range` or not finite.
 pub fn in_range(key: &str, value: f64, range: RangeInclusive<f64>) -> Result<f64, ConfigError> {
     if range.contains(&value) {
         return Ok(value);
@@ -25,7 +26,7 @@ pub fn in_range(key: &str, value: f64, range: RangeInclusive<f64>) -> Result<f64
 /// Returns the magnitude of gravity, m/s2, from the key `gravity`, which must act along -z of the world.
 ///
 /// # Errors
-/// [`ConfigError`] of this key if gravity acts along another direction, or its magnitude is not from 0.01 to
+/// [`ConfigError`] for this key if gravity acts along another direction, or its magnitude is not from 0.01 to
 /// 1000.
 pub fn downward_gravity(gravity: [f64; 3]) -> Result<f64, ConfigError> {
     let [0.0, 0.0, down] = gravity else {

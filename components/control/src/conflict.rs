@@ -10,62 +10,63 @@ use crate::contact::Contact;
 /// One scalar constraint of inverse kinematics or inverse dynamics.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum ConstraintName {
-    /// Equation of motion of a floating base: force along x, y, z, then torque about them, in the axes of the
-    /// base.
+    /// Equation of motion of a floating base: force along x, y and z, then torque about these axes, in base
+    /// axes.
     Base {
-        /// 0 to 5.
+        /// Index of the axis, 0 to 5.
         axis: usize,
     },
-    /// No-motion constraint of a contact: along x, y, z of the world, then about them.
+    /// No-motion constraint of a contact: translation along x, y and z of the world, then rotation about
+    /// these axes.
     Motion {
         /// Index of the contact.
         contact: usize,
-        /// 0 to 5.
+        /// Index of the axis, 0 to 5.
         axis: usize,
     },
     /// Torque limit of a joint.
     Torque {
         /// Index of the joint among the independent joints.
         joint: usize,
-        /// Lower or upper limit.
+        /// Lower or upper torque limit.
         side: Side,
     },
-    /// Friction cone of a contact point, or a face of its pyramid.
+    /// Friction cone of a contact point, or one face of the friction pyramid.
     Friction {
         /// Index of the contact.
         contact: usize,
-        /// Point of the contact.
+        /// Index of the point within the contact.
         point: usize,
     },
-    /// Limit of a contact force: unilateral, or its maximum.
+    /// Limit of the normal force at a contact point: unilateral, or the maximum.
     Force {
         /// Index of the contact.
         contact: usize,
-        /// Point of the contact.
+        /// Index of the point within the contact.
         point: usize,
-        /// `Lower` for a force that pulls.
+        /// `Lower` for the unilateral limit, `Upper` for the maximum.
         side: Side,
     },
-    /// Limit of the whole wrench of a sole.
+    /// Limit of the total wrench of a sole.
     Wrench {
         /// Index of the contact.
         contact: usize,
     },
-    /// Row of a limit of velocities.
+    /// Row of a velocity limit.
     Limit {
         /// Index among the rows of all limits.
         row: usize,
         /// Lower or upper side.
         side: Side,
     },
-    /// Row of a task that is a constraint.
+    /// Row of a constraint task.
     Task {
         /// Index among the rows of all constraint tasks.
         row: usize,
     },
-    /// Position or velocity limit of a joint, or a bound of the velocity of the base.
+    /// Position or velocity limit of a joint, or a bound on a base velocity.
     Velocity {
-        /// Index of the velocity.
+        /// Index of the generalised velocity.
         velocity: usize,
         /// Lower or upper limit.
         side: Side,
@@ -80,7 +81,7 @@ pub enum ConstraintName {
 }
 
 impl ConstraintName {
-    /// Describes the constraint.
+    /// Returns a description of the constraint for messages.
     pub fn describe<'a>(&self, model: &'a Model, contacts: &'a [Contact]) -> impl fmt::Display + use<'a> {
         Described { name: *self, model, contacts }
     }
@@ -133,7 +134,7 @@ impl fmt::Display for Described<'_> {
     }
 }
 
-/// Constraints that contribute most to a conflict, strongest first.
+/// The constraints that contribute most to a conflict, strongest first.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Conflicting([Option<ConstraintName>; Conflict::CAPACITY]);
 
@@ -148,12 +149,12 @@ impl FromIterator<ConstraintName> for Conflicting {
 }
 
 impl Conflicting {
-    /// The constraints, strongest first.
+    /// Returns the constraints, strongest first.
     pub fn names(&self) -> impl Iterator<Item = ConstraintName> + '_ {
         self.0.iter().flatten().copied()
     }
 
-    /// Describes all of them.
+    /// Returns a description of all constraints for messages.
     pub fn describe(&self, model: &Model, contacts: &[Contact]) -> String {
         let descriptions: Vec<_> =
             self.names().map(|name| name.describe(model, contacts).to_string()).collect();

@@ -31,7 +31,8 @@ pub struct Cost {
 }
 
 impl Cost {
-    /// Creates a cost with `rows` rows on `width` unknowns from `first` on: `A` and `b` zero, all weights 1.
+    /// Creates a cost with `rows` rows on the `width` unknowns that start at `first`. `A` and `b` are zero;
+    /// all weights are 1.
     pub fn dense(rows: usize, first: usize, width: usize) -> Self {
         Self {
             first,
@@ -41,13 +42,13 @@ impl Cost {
         }
     }
 
-    /// Creates a cost on the values of `count` unknowns from `first` on: `A` the identity, `b` zero, all
-    /// weights 1.
+    /// Creates a cost on the values of the `count` unknowns that start at `first`. `A` is the identity, `b`
+    /// is zero, and all weights are 1.
     pub fn identity(first: usize, count: usize) -> Self {
         Self { first, matrix: None, desired: DVector::zeros(count), weights: DVector::repeat(count, 1.0) }
     }
 
-    /// Number of rows.
+    /// Returns the number of rows.
     pub fn rows(&self) -> usize {
         self.desired.len()
     }
@@ -68,7 +69,7 @@ impl Cost {
         self.matrix.as_mut().expect("a cost whose matrix is the identity")
     }
 
-    /// `b`.
+    /// Returns `b`.
     pub fn desired(&self) -> &DVector<f64> {
         &self.desired
     }
@@ -78,7 +79,7 @@ impl Cost {
         &mut self.desired
     }
 
-    /// The diagonal of `W`.
+    /// Returns the diagonal of `W`.
     pub fn weights(&self) -> &DVector<f64> {
         &self.weights
     }
@@ -122,13 +123,14 @@ impl Cost {
         product - self.desired[row]
     }
 
-    /// Norm of `A x - b` over the rows with nonzero weight, for all unknowns `x`.
+    /// Returns the norm of `A x - b` over the rows with nonzero weight. `x` contains all unknowns of the
+    /// problem.
     pub fn residual(&self, x: &[f64]) -> f64 {
         let counted = (0..self.rows()).filter(|row| self.weights[*row] != 0.0);
         counted.map(|row| self.row(row, x).powi(2)).sum::<f64>().sqrt()
     }
 
-    /// Adds the cost to the upper triangle of the Hessian and to the gradient.
+    /// Adds the cost to the gradient and to the upper triangle of the Hessian of `problem`.
     pub fn add_to(&self, problem: &mut Problem) {
         let Some(matrix) = &self.matrix else {
             for (row, (desired, weight)) in self.desired.iter().zip(&self.weights).enumerate() {

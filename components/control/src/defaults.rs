@@ -1,6 +1,6 @@
 //! Structs whose fields have defaults.
 
-/// Defines a struct with the default of each field next to the field, and implements [`Default`].
+/// Defines a struct with default values next to its fields, and implements [`Default`].
 ///
 /// ```
 /// motorium_control::with_defaults! {

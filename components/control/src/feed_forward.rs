@@ -5,7 +5,7 @@ use nalgebra::{DVector, Vector3};
 
 use crate::SetpointIntegrator;
 
-/// A feed-forward effort for every independent joint, computed from the model of the robot.
+/// Feed-forward efforts of the independent joints, computed from the model of the robot.
 ///
 /// A joint drive adds it to its feedback: `tau = effort + kp (position - q) + kd (velocity - v)`. Without
 /// gravity and inertia compensation the effort is zero. Only `new` allocates.
@@ -43,15 +43,16 @@ struct Inertia {
 }
 
 impl FeedForward {
-    /// Creates a feed-forward for `model`; `gravity` \[m/s^2, world axes\] is compensated if given.
+    /// Creates a feed-forward for `model`. If `gravity` \[m/s^2, world axes\] is given, the robot's weight is
+    /// compensated.
     pub fn new(model: &Model, gravity: Option<Vector3<f64>>) -> Self {
         Self { gravity, inertia: None, dynamics: Dynamics::new(model), effort: DVector::zeros(model.nv()) }
     }
 
-    /// Adds the effort that accelerates the robot like the setpoint and balances centrifugal and Coriolis
+    /// Adds the efforts that accelerate the robot like the setpoint and balance centrifugal and Coriolis
     /// forces: `effort = M(q) a + C(q, v) v + g(q)`. Here `v` is the velocity setpoint and `a` its
-    /// derivative. The time constant `smoothing` \[s\] filters `a`, to attenuate the noise of setpoints
-    /// derived from measurements.
+    /// derivative. A low-pass filter with the time constant `smoothing` \[s\] attenuates noise in `a`, which
+    /// arises from setpoints derived from measurements.
     #[must_use]
     pub fn with_inertia(mut self, smoothing: f64) -> Self {
         let zeros = self.effort.map(|_| 0.0);
@@ -60,7 +61,7 @@ impl FeedForward {
         self
     }
 
-    /// Updates the acceleration of the setpoint, once per tick of `dt` \[s\] and before
+    /// Updates the acceleration of the setpoint. Call this once per tick of `dt` \[s\], before
     /// [`effort`](Self::effort). No effect without [`with_inertia`](Self::with_inertia).
     pub fn update(&mut self, setpoint: &SetpointIntegrator, dt: f64) {
         let Some(inertia) = &mut self.inertia else { return };

@@ -8,27 +8,27 @@ pub enum GainsError {
     /// The number of entries differs from the number of joints.
     #[error("{gain} has {found} entries, expected {expected}: one per independent joint")]
     Length {
-        /// `kp` or `kd`.
+        /// Name of the gain, `kp` or `kd`.
         gain: &'static str,
-        /// Entries found.
+        /// Number of entries found.
         found: usize,
-        /// Entries expected.
+        /// Number of entries expected.
         expected: usize,
     },
-    /// A gain is negative or not a number.
+    /// A gain is negative or not finite.
     #[error("{gain} of joint \"{joint}\" is {value}, expected a finite number >= 0")]
     Value {
-        /// `kp` or `kd`.
+        /// Name of the gain, `kp` or `kd`.
         gain: &'static str,
-        /// The joint.
+        /// Name of the joint.
         joint: String,
-        /// The gain found.
+        /// Value of the gain.
         value: f64,
     },
 }
 
 impl GainsError {
-    /// Returns the invalid gain: `kp` or `kd`.
+    /// Returns the name of the invalid gain, `kp` or `kd`.
     pub fn gain(&self) -> &'static str {
         match self {
             Self::Length { gain, .. } | Self::Value { gain, .. } => gain,
@@ -36,7 +36,7 @@ impl GainsError {
     }
 }
 
-/// Checks that `gains` has one finite number of at least 0 for each independent joint of `model`.
+/// Checks that `kp` and `kd` each have one finite number of at least 0 for each independent joint of `model`.
 ///
 /// # Errors
 /// [`GainsError`] names the first invalid gain.

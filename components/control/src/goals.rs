@@ -9,12 +9,12 @@ const SETTLE: f64 = 0.2;
 pub struct GoalError {
     /// Distance \[m\].
     pub position: f64,
-    /// Angle \[rad\]; `None` if a point without an orientation is controlled.
+    /// Angle \[rad\]; `None` if only a point is controlled, without an orientation.
     pub orientation: Option<f64>,
 }
 
 impl GoalError {
-    /// Returns the larger distance and the larger angle of the two errors.
+    /// Returns the larger distance and the larger angle of two errors.
     #[must_use]
     pub fn worse(self, other: Self) -> Self {
         let orientation = match (self.orientation, other.orientation) {
@@ -38,32 +38,33 @@ with_defaults! {
     #[derive(Clone, Copy, Debug, PartialEq)]
     pub struct GoalTolerance;
 
-    /// Distance \[m\].
+    /// Maximum distance \[m\]. Default 5e-3.
     pub position: f64 = 5e-3;
-    /// Angle \[rad\].
+    /// Maximum angle \[rad\]. Default 0.02.
     pub orientation: f64 = 0.02;
 }
 
 impl GoalTolerance {
-    /// Returns `true` if an error is within the tolerance.
+    /// Returns `true` if `error` is within the tolerance.
     pub fn allows(&self, error: GoalError) -> bool {
         error.position <= self.position && error.orientation.is_none_or(|angle| angle <= self.orientation)
     }
 }
 
-/// Goals of a run at which the target rested, and the worst error at any of them.
+/// Numbers of reached and missed goals of a run, with the worst error. Only goals at which the target came to
+/// rest count.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct GoalSummary {
     /// Number of goals that the controlled frame or point reached within the tolerance.
     pub reached: u64,
     /// Number of missed goals.
     pub missed: u64,
-    /// The worst error at any of these goals; `None` without a goal.
+    /// Worst error at any of these goals; `None` if no goal was counted.
     pub worst: Option<GoalError>,
 }
 
 impl GoalSummary {
-    /// Combines the goals of both, with the worst error at any of them.
+    /// Adds the numbers of goals of two summaries, and combines the worst errors.
     #[must_use]
     pub fn merge(self, other: Self) -> Self {
         let worst = match (self.worst, other.worst) {
@@ -74,8 +75,8 @@ impl GoalSummary {
     }
 }
 
-/// Records the error at each goal: at the last tick before the target leaves the goal, or before the run
-/// ends.
+/// A recorder of the error at each goal: the error at the last tick before the target leaves the goal, or
+/// before the run ends.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct GoalRecord {
     tolerance: GoalTolerance,
@@ -89,7 +90,7 @@ pub struct GoalRecord {
 }
 
 impl GoalRecord {
-    /// Creates an empty record of goals to be reached within a tolerance.
+    /// Creates an empty record with a tolerance for reaching goals.
     pub fn new(tolerance: GoalTolerance) -> Self {
         Self { tolerance, ..Self::default() }
     }
@@ -99,8 +100,8 @@ impl GoalRecord {
         *self = Self::new(self.tolerance);
     }
 
-    /// Records the error of one tick of `dt` seconds. `goal` is the number of the goal to which the target
-    /// moves; `at_goal` is `true` if the target rests there.
+    /// Records the error of one tick of `dt` seconds. `goal` is the number of the goal towards which the
+    /// target moves; `at_goal` is `true` while the target rests at this goal.
     pub fn observe(&mut self, goal: u64, at_goal: bool, error: GoalError, dt: f64) {
         if self.goal != Some(goal) {
             self.past = self.past.merge(self.current());
@@ -124,7 +125,7 @@ impl GoalRecord {
         }
     }
 
-    /// Returns the goals so far as if the run ended now.
+    /// Returns a summary of the goals so far, as if the run ended now.
     pub fn summary(&self) -> GoalSummary {
         if self.rested + 1e-9 >= SETTLE { self.past.merge(self.current()) } else { self.past }
     }
@@ -134,7 +135,7 @@ impl GoalRecord {
         self.tolerance
     }
 
-    /// The error at the last tick.
+    /// Returns the error at the last tick.
     pub fn latest(&self) -> Option<GoalError> {
         self.latest
     }

@@ -1,11 +1,10 @@
 //! Mixtures of solutions, for tasks that fade.
 
-/// A weighted sum of solutions. With nonnegative weights that sum to 1 it satisfies all limits that its
-/// solutions satisfy: velocity limits, and also friction, unilateral contacts and torque limits, which are
-/// convex.
+/// A weighted sum of solutions. With nonnegative weights that sum to 1, the sum satisfies all limits that its
+/// solutions satisfy. This includes friction, unilateral contacts and torque limits, which are convex.
 ///
-/// A task that is alone on its level has the same effect with a small weight as with a large one, so reducing
-/// its weight cannot fade it out. Mixing the solutions with and without the task can.
+/// The only task on a level has the same effect with a small weight as with a large one, so reducing its
+/// weight cannot fade it out. Mixing the solutions with and without the task can.
 ///
 /// ```
 /// use motorium_control::{DifferentialIk, Mixture, RobotState};
@@ -54,7 +53,7 @@ impl Mixture {
         self.unknowns.fill(0.0);
     }
 
-    /// Adds a solution with a weight.
+    /// Adds a solution with the weight `share`.
     pub fn add(&mut self, share: f64, solution: &[f64]) {
         for (mixed, unknown) in self.unknowns.iter_mut().zip(solution) {
             *mixed += share * unknown;

@@ -6,7 +6,8 @@ use nalgebra::DVector;
 /// Distance outside a position limit that is treated as zero, rad or m.
 const AT_LIMIT: f64 = 1e-6;
 
-/// Commanded joint positions and velocities: the integral of a joint velocity, kept within position limits.
+/// Commanded joint positions and velocities. The positions are the integral of joint velocities, kept within
+/// the position limits.
 ///
 /// A joint that starts outside its limits may stay or return, but never moves farther out.
 #[derive(Clone, Debug)]
@@ -40,8 +41,8 @@ impl SetpointIntegrator {
         Self { position: zeros.clone(), velocity: zeros, lower, upper }
     }
 
-    /// Resets to rest at `q`. A joint measured outside its limits by up to a millionth of a rad or m is set
-    /// to the limit. Nothing else would correct such a small violation.
+    /// Resets the setpoint to rest at `q` \[rad or m\]. A joint measured outside its limits by up to 1e-6 rad
+    /// or m is set to the limit, because nothing else would correct such a small violation.
     ///
     /// # Panics
     /// If the length of `q` differs from the number of independent joints.
@@ -54,8 +55,8 @@ impl SetpointIntegrator {
         self.velocity.fill(0.0);
     }
 
-    /// Moves by `v dt` within the limits and sets the velocity to the actual motion. A joint with a NaN
-    /// velocity does not move.
+    /// Moves the positions by `v dt` within the limits, and sets the velocities to the actual motion. `v` is
+    /// in rad/s or m/s, `dt` in s. A joint with a NaN velocity does not move.
     ///
     /// # Panics
     /// If the length of `v` differs from the number of independent joints.
@@ -79,8 +80,9 @@ impl SetpointIntegrator {
         self.velocity.fill(0.0);
     }
 
-    /// Limits the tracking error: the position is kept within `max_error` \[rad or m\] of the measured `q`,
-    /// so it cannot run away from a blocked joint. The velocity of such a joint becomes zero.
+    /// Keeps the position setpoint within `max_error` \[rad or m\] of the measured positions `q`. The
+    /// setpoint therefore cannot run away from a blocked joint. The velocity of a joint at this limit becomes
+    /// zero.
     ///
     /// # Panics
     /// If the length of `q` differs from the number of independent joints.
@@ -97,12 +99,12 @@ impl SetpointIntegrator {
         }
     }
 
-    /// Joint positions \[rad or m\].
+    /// Returns the joint positions \[rad or m\].
     pub fn position(&self) -> &[f64] {
         self.position.as_slice()
     }
 
-    /// Joint velocities \[rad/s or m/s\].
+    /// Returns the joint velocities \[rad/s or m/s\].
     pub fn velocity(&self) -> &[f64] {
         self.velocity.as_slice()
     }

@@ -9,24 +9,24 @@ use crate::{
     tasks::{CartesianTask, PostureSettings, PostureTask, VelocityTask},
 };
 
-/// A stack of a Cartesian task and a posture task.
+/// Combination of a Cartesian task and a posture task.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TaskStack {
     /// The posture alone.
     Postural,
     /// The Cartesian task alone.
     Cartesian,
-    /// Both in one sum, with weights 1 and 0.5.
+    /// Both tasks on one level, with weights 1 and 0.5.
     Soft,
-    /// The Cartesian task above the posture.
+    /// The Cartesian task on a level above the posture task.
     Hard,
 }
 
 impl TaskStack {
-    /// All stacks.
+    /// All stacks, in the order of declaration.
     pub const ALL: [Self; 4] = [Self::Postural, Self::Cartesian, Self::Soft, Self::Hard];
 
-    /// Name of the stack in figures.
+    /// Returns the name of the stack for figures.
     pub fn name(self) -> &'static str {
         match self {
             Self::Postural => "postural",

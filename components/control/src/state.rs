@@ -2,27 +2,27 @@
 
 use motorium_robots::{Kinematics, Model};
 
-/// A model, its configuration, and its kinematics at that configuration.
+/// A robot model with a configuration and the kinematics at that configuration.
 #[derive(Clone, Copy, Debug)]
 pub struct RobotState<'a> {
-    /// The robot.
+    /// Model of the robot.
     pub model: &'a Model,
-    /// Kinematics updated at `q`, the source of poses and Jacobians.
+    /// Kinematics updated at `q`, from which poses and Jacobians are read.
     pub kinematics: &'a Kinematics,
     /// Configuration of length nq: the pose of a floating base, then the joint positions \[rad or m\].
     pub q: &'a [f64],
 }
 
-/// A model, its configuration and velocity, and its kinematics at both.
+/// A robot model with a configuration, a velocity and the kinematics at both.
 #[derive(Clone, Copy, Debug)]
 pub struct MotionState<'a> {
-    /// The robot.
+    /// Model of the robot.
     pub model: &'a Model,
-    /// Kinematics updated at `q` and `v`, the source of poses, velocities, Jacobians and drifts.
+    /// Kinematics updated at `q` and `v`, from which poses, velocities, Jacobians and drifts are read.
     pub kinematics: &'a Kinematics,
-    /// Configuration of length nq: a floating base, then the joints.
+    /// Configuration of length nq: the pose of a floating base, then the joint positions \[rad or m\].
     pub q: &'a [f64],
-    /// Velocity of length nv.
+    /// Velocity of length nv: the twist of a floating base, then the joint velocities \[rad/s or m/s\].
     pub v: &'a [f64],
 }
 

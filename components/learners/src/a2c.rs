@@ -33,31 +33,31 @@ use crate::task::{Task, TaskError};
 /// RMSProp.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct A2cSettings {
-    /// Total steps of all worlds, from 1. Default 200,000, as for PPO.
+    /// Total steps of all worlds, at least 1. Default 200,000, as for PPO.
     pub steps: u64,
-    /// Number of worlds, from 1. Default 16, as for PPO.
+    /// Number of worlds, at least 1. Default 16, as for PPO.
     pub worlds: usize,
-    /// Steps of each world between two updates, from 1. Default 5.
+    /// Steps of each world between two updates, at least 1. Default 5.
     pub horizon: usize,
-    /// Learning rate of Adam, above 0. Default 7e-4.
+    /// Learning rate of Adam, more than 0. Default 7e-4.
     pub rate: f64,
-    /// Lowers the learning rate linearly to 0 over the run. Default false.
+    /// `true` lowers the learning rate linearly to 0 over the run. Default false.
     pub anneal: bool,
-    /// Discount of a step, above 0, below 1. Default 0.99.
+    /// Discount factor per step, more than 0, less than 1. Default 0.99.
     pub discount: f64,
     /// Decay factor of the advantage estimate, 0 to 1. Default 1.
     pub lambda: f64,
-    /// Weight of the entropy bonus, from 0. Default 0.
+    /// Weight of the entropy bonus, at least 0. Default 0.
     pub entropy: f64,
-    /// Weight of the squared value error, above 0. Default 0.5.
+    /// Weight of the squared value error, more than 0. Default 0.5.
     pub value: f64,
-    /// Maximum norm of a gradient, above 0. Default 0.5.
+    /// Maximum norm of a gradient, more than 0. Default 0.5.
     pub gradient: f64,
-    /// Hidden units per layer of the policy and value networks. Default 64 and 64.
+    /// Number of hidden units of each layer of the policy and value networks. Default 64 and 64.
     pub hidden: Vec<usize>,
-    /// Initial standard deviation of the action, above 0. Default 1.
+    /// Initial standard deviation of the action, more than 0. Default 1.
     pub deviation: f64,
-    /// Updates between two checkpoints, from 1. Default 200.
+    /// Number of updates between two checkpoints, at least 1. Default 200.
     pub checkpoint: u64,
 }
 
@@ -86,7 +86,7 @@ impl A2cSettings {
     ///
     /// # Errors
     ///
-    /// [`TaskError::Value`].
+    /// [`TaskError::Value`] with the key of the first invalid setting.
     pub fn check(&self) -> Result<(), TaskError> {
         let check = Check(Algorithm::A2c);
         check.counts([
@@ -106,11 +106,13 @@ impl A2cSettings {
         check.network(self.discount, &self.hidden)
     }
 
-    /// Creates a run before its first step. `build` creates the simulation of each world.
+    /// Creates a training run before its first step. `run` contains the seed and the number of threads;
+    /// `build` creates the simulation of each world.
     ///
     /// # Errors
     ///
-    /// [`EnvironmentError`].
+    /// [`EnvironmentError`] if a setting is invalid, the task does not fit the robot, or a simulation cannot
+    /// be built.
     pub fn learner<E: Engine + Send>(
         self,
         task: &Task,

@@ -30,11 +30,11 @@ use crate::td3::{Deterministic, Td3Settings};
 /// of 256, polyak 0.005, discount 0.99, Gaussian noise of 0.1 instead of the paper's correlated noise).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DdpgSettings {
-    /// Steps, replay and networks. Defaults differ from the source: see
+    /// Settings of steps, replay and networks. Defaults differ from the source: see
     /// [`SacSettings`](crate::sac::SacSettings).
     #[serde(flatten)]
     pub replay: ReplaySettings,
-    /// Standard deviation of the exploration noise, from 0. Default 0.1.
+    /// Standard deviation of the exploration noise, at least 0. Default 0.1.
     pub noise: f64,
 }
 
@@ -55,16 +55,18 @@ impl DdpgSettings {
     ///
     /// # Errors
     ///
-    /// [`TaskError::Value`].
+    /// [`TaskError::Value`] with the key of the first invalid setting.
     pub fn check(&self) -> Result<(), TaskError> {
         self.to_td3().check_for(Check(Algorithm::Ddpg))
     }
 
-    /// Creates a run before its first step. `build` creates the simulation of each world.
+    /// Creates a training run before its first step. `run` contains the seed and the number of threads;
+    /// `build` creates the simulation of each world.
     ///
     /// # Errors
     ///
-    /// [`EnvironmentError`].
+    /// [`EnvironmentError`] if a setting is invalid, the task does not fit the robot, or a simulation cannot
+    /// be built.
     pub fn learner<E: Engine + Send>(
         self,
         task: &Task,

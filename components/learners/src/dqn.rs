@@ -40,20 +40,21 @@ use crate::task::{Choices, Task, TaskError, Terms, best};
 /// exploration from 1 to 0.05 over the first half of all steps, discount 0.99).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DqnSettings {
-    /// Steps, replay and networks. Defaults that differ from the source: 100,000 steps in 4 worlds with 4
-    /// gradient steps after each step of all worlds, 1000 random steps, `tanh` layers of 64 and 64 units, and
-    /// targets that move by 0.005 after each gradient step instead of periodic copies.
+    /// Settings of steps, replay and networks. Defaults that differ from the source: 100,000 steps in 4
+    /// worlds with 4 gradient steps after each step of all worlds, 1000 random steps, `tanh` layers of 64 and
+    /// 64 units, and targets that move by 0.005 after each gradient step instead of periodic copies.
     #[serde(flatten)]
     pub replay: ReplaySettings,
-    /// Values of each moving joint of a continuous action, from 2. Default 3. There are at most 256 choices.
+    /// Number of discrete values of each moving joint of a continuous action, at least 2. Default 3. Their
+    /// combinations must not exceed 256 choices.
     pub bins: usize,
-    /// Double DQN: the network chooses, the target evaluates. Default true.
+    /// `true` for double DQN: the network selects the action, the target network evaluates it. Default true.
     pub double: bool,
     /// Probability of a random choice after the warm-up, 0 to 1. Default 1.
     pub epsilon: f64,
     /// Final probability of a random choice, 0 to 1. Default 0.05.
     pub final_epsilon: f64,
-    /// Fraction of all steps over which the probability decreases, above 0, at most 1. Default 0.5.
+    /// Fraction of all steps over which the probability decreases, more than 0, at most 1. Default 0.5.
     pub exploration: f64,
 }
 
@@ -76,7 +77,7 @@ impl DqnSettings {
     ///
     /// # Errors
     ///
-    /// [`TaskError::Value`].
+    /// [`TaskError::Value`] with the key of the first invalid setting.
     pub fn check(&self) -> Result<(), TaskError> {
         let check = Check(Algorithm::Dqn);
         self.replay.check(check)?;
@@ -91,12 +92,14 @@ impl DqnSettings {
         ])
     }
 
-    /// Creates a run before its first step. `build` creates the simulation of each world.
+    /// Creates a training run before its first step. `run` contains the seed and the number of threads;
+    /// `build` creates the simulation of each world.
     ///
     /// # Errors
     ///
-    /// [`EnvironmentError`]; a task with continuous actions has bounds of its action and at most 256 choices,
-    /// a discrete one no `bins`.
+    /// [`EnvironmentError`] if a setting is invalid, the task does not fit the robot, or a simulation cannot
+    /// be built. A task with continuous actions requires bounds of its action and at most 256 choices; a
+    /// discrete task must not set `bins`.
     pub fn learner<E: Engine + Send>(
         self,
         task: &Task,
@@ -126,7 +129,7 @@ fn grid(terms: &Terms, bins: usize) -> Result<Choices, TaskError> {
 /// Values measured in a gradient step.
 pub(crate) const MEASURES: [&str; 2] = ["critic_loss", "value"];
 
-/// The learning part of DQN.
+/// The network and learning rule of DQN.
 #[derive(Clone, Debug)]
 pub struct Dqn {
     choices: Choices,

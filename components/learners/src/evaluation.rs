@@ -31,32 +31,32 @@ pub struct Evaluation {
     pub iqm_interval: [f64; 2],
     /// Mean length of an episode \[steps\].
     pub mean_length: f64,
-    /// Number of episodes that ended with the verdict failure.
+    /// Number of episodes with the verdict failure.
     pub failures: usize,
-    /// Number of episodes that ended with the verdict success.
+    /// Number of episodes with the verdict success.
     pub successes: usize,
-    /// Return of each episode.
+    /// Return of each episode, in order.
     pub returns: Vec<f64>,
     /// Warnings about ignored elements of the world's file.
     #[serde(skip)]
     pub warnings: Vec<ModelWarning>,
 }
 
-/// Errors of an evaluation.
+/// Error of an evaluation.
 #[derive(Debug, thiserror::Error)]
 pub enum EvaluationError {
     /// A file cannot be read.
     #[error(transparent)]
     File(#[from] FileError),
-    /// The folder holds no policy.
+    /// The folder contains no policy.
     #[error(transparent)]
     Folder(#[from] FolderError),
     /// The task is invalid.
     #[error("{}: {source}", file.display())]
     Task {
-        /// Path of the file.
+        /// Path of the task file.
         file: PathBuf,
-        /// The reason.
+        /// Reason why it is invalid.
         source: TaskError,
     },
     /// The policy does not fit the task.
@@ -70,11 +70,12 @@ pub enum EvaluationError {
     Environment(#[from] EnvironmentError),
 }
 
-/// Runs the policy in a folder on the task in a file, without exploration.
+/// Runs the policy in a folder on the task in a file for a number of episodes, without exploration.
 ///
 /// # Errors
 ///
-/// [`EvaluationError`].
+/// [`EvaluationError`] if the policy or the task cannot be loaded, they do not match, or an episode cannot
+/// start.
 pub fn evaluate(
     folder: &Path,
     task_file: &Path,
@@ -115,10 +116,10 @@ pub fn evaluate(
     })
 }
 
-/// A policy compared with a baseline on the same episodes.
+/// Comparison of a policy with a baseline on the same episodes.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Comparison {
-    /// Mean difference between the return and the baseline's return in the same episode.
+    /// Mean of the return minus the baseline's return in the same episode.
     pub difference: f64,
     /// 95 % bootstrap interval of the difference.
     pub difference_interval: [f64; 2],
@@ -157,8 +158,8 @@ fn sorted(values: &[f64]) -> Vec<f64> {
     sorted
 }
 
-/// Returns a quantile, interpolated between the two nearest values, or NaN without values. `share` is from 0
-/// to 1.
+/// Returns a quantile, interpolated between the two nearest values; NaN if there are no values. `share` is
+/// the quantile's fraction, 0 to 1.
 pub fn quantile(values: &[f64], share: f64) -> f64 {
     let sorted = sorted(values);
     let Some(last) = sorted.len().checked_sub(1) else { return f64::NAN };

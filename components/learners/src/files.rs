@@ -3,13 +3,13 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// A file operation failed.
+/// Error of a file operation.
 #[derive(Debug, thiserror::Error)]
 #[error("{}: {source}", file.display())]
 pub struct FileError {
     /// Path of the file.
     pub file: PathBuf,
-    /// The reason.
+    /// Error of the operating system.
     pub source: io::Error,
 }
 

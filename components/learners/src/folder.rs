@@ -19,7 +19,7 @@ pub(crate) const CHECKPOINT: &str = "checkpoint.safetensors";
 /// File with one line per update or iteration.
 pub(crate) const PROGRESS: &str = "progress.csv";
 
-/// A task or a policy that cannot be read or written.
+/// Error of reading or writing a task or a policy.
 #[derive(Debug, thiserror::Error)]
 pub enum FolderError {
     /// A file cannot be read or written.
@@ -28,25 +28,25 @@ pub enum FolderError {
     /// The task is invalid.
     #[error("{}: {source}", file.display())]
     Task {
-        /// File of the task.
+        /// Path of the task file.
         file: PathBuf,
-        /// Reason.
+        /// Reason why it is invalid.
         source: TaskError,
     },
     /// The folder already contains a run.
     #[error(
-        "{} holds a training run, expected a folder without one\n\
+        "{} contains a training run, expected a folder without one\n\
          help: {}choose another folder",
         folder.display(),
         if *has_checkpoint { format!("continue it with `motorium learn resume {}`, or ", folder.display()) } else { String::new() }
     )]
     Exists {
-        /// The folder.
+        /// Path of the folder.
         folder: PathBuf,
-        /// True if the run can be continued.
+        /// `true` if the run can be continued.
         has_checkpoint: bool,
     },
-    /// The folder of a run or policy is missing, or holds none.
+    /// The folder of a training run or policy does not exist, or lacks the file of a run or policy.
     #[error(
         "{}: {}, expected the folder of a {what} with the file {file}\n\
          help: {help}",
@@ -54,16 +54,16 @@ pub enum FolderError {
         if folder.is_dir() { format!("the folder has no {file}") } else { "no such folder".to_owned() }
     )]
     Absent {
-        /// The folder.
+        /// Path of the folder.
         folder: PathBuf,
-        /// `training run` or `trained policy`.
+        /// Description of the expected content: `training run` or `trained policy`.
         what: &'static str,
-        /// File that is missing.
+        /// Name of the missing file.
         file: &'static str,
-        /// The remedy.
+        /// Action that fixes the error.
         help: &'static str,
     },
-    /// The path of the task cannot be stored in the description of a run.
+    /// The path of the task cannot be stored in the description of a run, because it is not UTF-8.
     #[error(
         "{}: the path is not UTF-8\n\
          help: move the task to a folder whose path is UTF-8",

@@ -55,7 +55,7 @@ pub enum Purpose {
     Delay = 16,
 }
 
-/// Position of a random number in a training run.
+/// Position in a training run for which random numbers are generated.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counter {
     /// Seed of the run.
@@ -64,17 +64,17 @@ pub struct Counter {
     pub world: u64,
     /// Number of the episode in its world, or of the generation of a search.
     pub episode: u64,
-    /// Step in the episode, or number of the candidate.
+    /// Number of the step in the episode, or of the candidate.
     pub step: u64,
 }
 
 impl Counter {
-    /// Returns the random numbers of a purpose.
+    /// Returns a generator of the random numbers for a purpose at this position.
     pub fn stream(self, purpose: Purpose) -> Pcg64 {
         Pcg64::seed_from_u64(self.number(purpose))
     }
 
-    /// Returns a number that is uniformly distributed over the counters, for example to seed an episode.
+    /// Returns a uniformly distributed number for a purpose at this position, for example to seed an episode.
     pub fn number(self, purpose: Purpose) -> u64 {
         let mut digest = XxHash3_64::default();
         for part in [self.seed, self.world, self.episode, self.step, purpose as u64] {

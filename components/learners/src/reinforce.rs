@@ -31,27 +31,27 @@ use crate::task::{Task, TaskError};
 /// The default learning rate is PyRoboLearn's. The other defaults are PPO's, so that both can be compared.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ReinforceSettings {
-    /// Total steps of all worlds, from 1; the last update may exceed them. Default 200,000.
+    /// Total steps of all worlds, at least 1. The last update may exceed this number. Default 200,000.
     pub steps: u64,
-    /// Number of worlds, and of episodes per update, from 1. Default 16.
+    /// Number of worlds and of episodes per update, at least 1. Default 16.
     pub worlds: usize,
-    /// Learning rate of Adam, above 0. Default 1e-3.
+    /// Learning rate of Adam, more than 0. Default 1e-3.
     pub rate: f64,
-    /// Lowers the learning rate linearly to 0 over the run. Default false.
+    /// `true` lowers the learning rate linearly to 0 over the run. Default false.
     pub anneal: bool,
-    /// Discount of a step, above 0, below 1. Default 0.99.
+    /// Discount factor per step, more than 0, less than 1. Default 0.99.
     pub discount: f64,
-    /// Weight of the entropy bonus, from 0. Default 0.
+    /// Weight of the entropy bonus, at least 0. Default 0.
     pub entropy: f64,
-    /// Weight of the squared baseline error, above 0. Default 0.5.
+    /// Weight of the squared baseline error, more than 0. Default 0.5.
     pub value: f64,
-    /// Maximum norm of a gradient, above 0. Default 0.5.
+    /// Maximum norm of a gradient, more than 0. Default 0.5.
     pub gradient: f64,
-    /// Hidden units per layer of the policy and baseline networks. Default 64 and 64.
+    /// Number of hidden units of each layer of the policy and baseline networks. Default 64 and 64.
     pub hidden: Vec<usize>,
-    /// Initial standard deviation of the action, above 0. Default 1.
+    /// Initial standard deviation of the action, more than 0. Default 1.
     pub deviation: f64,
-    /// Updates between two checkpoints, from 1. Default 10.
+    /// Number of updates between two checkpoints, at least 1. Default 10.
     pub checkpoint: u64,
 }
 
@@ -78,7 +78,7 @@ impl ReinforceSettings {
     ///
     /// # Errors
     ///
-    /// [`TaskError::Value`].
+    /// [`TaskError::Value`] with the key of the first invalid setting.
     pub fn check(&self) -> Result<(), TaskError> {
         let check = Check(Algorithm::Reinforce);
         check.counts([
@@ -96,11 +96,13 @@ impl ReinforceSettings {
         check.network(self.discount, &self.hidden)
     }
 
-    /// Creates a run before its first step. `build` creates the simulation of each world.
+    /// Creates a training run before its first step. `run` contains the seed and the number of threads;
+    /// `build` creates the simulation of each world.
     ///
     /// # Errors
     ///
-    /// [`EnvironmentError`].
+    /// [`EnvironmentError`] if a setting is invalid, the task does not fit the robot, or a simulation cannot
+    /// be built.
     pub fn learner<E: Engine + Send>(
         self,
         task: &Task,

@@ -41,17 +41,17 @@ use crate::task::{Task, TaskError, Terms};
 /// levels and delay of the paper).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Td3Settings {
-    /// Steps, replay and networks. Defaults differ from the source: see
+    /// Settings of steps, replay and networks. Defaults differ from the source: see
     /// [`SacSettings`](crate::sac::SacSettings).
     #[serde(flatten)]
     pub replay: ReplaySettings,
-    /// Standard deviation of the exploration noise, from 0. Default 0.1.
+    /// Standard deviation of the exploration noise, at least 0. Default 0.1.
     pub noise: f64,
-    /// Standard deviation of the noise in target actions, from 0. Default 0.2.
+    /// Standard deviation of the noise in target actions, at least 0. Default 0.2.
     pub target_noise: f64,
-    /// Limit of the noise in target actions, from 0. Default 0.5.
+    /// Limit of the noise in target actions, at least 0. Default 0.5.
     pub target_clip: f64,
-    /// Gradient steps of the critics per gradient step of the policy, from 1. Default 2.
+    /// Number of gradient steps of the critics per gradient step of the policy, at least 1. Default 2.
     pub delay: u64,
 }
 
@@ -67,7 +67,7 @@ impl Td3Settings {
     ///
     /// # Errors
     ///
-    /// [`TaskError::Value`].
+    /// [`TaskError::Value`] with the key of the first invalid setting.
     pub fn check(&self) -> Result<(), TaskError> {
         self.check_for(Check(Algorithm::Td3))
     }
@@ -82,11 +82,13 @@ impl Td3Settings {
         ])
     }
 
-    /// Creates a run before its first step. `build` creates the simulation of each world.
+    /// Creates a training run before its first step. `run` contains the seed and the number of threads;
+    /// `build` creates the simulation of each world.
     ///
     /// # Errors
     ///
-    /// [`EnvironmentError`].
+    /// [`EnvironmentError`] if a setting is invalid, the task does not fit the robot, or a simulation cannot
+    /// be built.
     pub fn learner<E: Engine + Send>(
         self,
         task: &Task,
@@ -102,7 +104,7 @@ impl Td3Settings {
 /// Values measured in a gradient step.
 pub(crate) const MEASURES: [&str; 2] = ["critic_loss", "value"];
 
-/// The learning part of TD3 and DDPG.
+/// The networks and learning rule of TD3 and DDPG.
 #[derive(Clone, Debug)]
 pub struct Deterministic {
     algorithm: Algorithm,

@@ -6,19 +6,19 @@ use motorium_models::policy::{PolicyFolder, PolicyFolderError, PolicyNetwork};
 
 use crate::task::{Task, TaskError};
 
-/// A policy does not fit a task.
+/// Error of a policy that does not fit a task.
 #[derive(Debug, thiserror::Error)]
 pub enum TrainedPolicyError {
-    /// The folder cannot be read.
+    /// The policy folder cannot be read.
     #[error(transparent)]
     Folder(#[from] PolicyFolderError),
-    /// The policy was trained for other terms.
+    /// The policy was trained for other observations or actions.
     #[error(
         "the {what} of the policy differ from the task's\n\
          help: use it on the task that it was trained for"
     )]
     Terms {
-        /// Terms that differ.
+        /// Name of the terms that differ.
         what: &'static str,
     },
     /// The task is invalid.

@@ -11,17 +11,17 @@ const FLOOR: f64 = 0.1;
 
 impl MotionLibrary {
     /// Returns a library of the same movements whose first `n` eigenforces minimise the *mean* error instead
-    /// of the mean square, so a few outliers do not bend them. The library must not be truncated; the result
-    /// keeps as many eigenforces as `truncation` specifies.
+    /// of the mean square, so that they are less sensitive to outliers. This library must not be truncated;
+    /// `truncation` sets the number of eigenforces of the result.
     ///
-    /// The method is iterative reweighting. With the error `r_k` that `n` eigenforces leave in movement `k`,
-    /// in the metric of the library, the next eigenforces come from the movements scaled by `c_k`, with `c_k
-    /// = (r_k / median + 0.1)^(-1/2)`. This makes `sum r_k^2 c_k^2` about `sum r_k`. As in any library, a
-    /// singular value is the norm of its eigenforce's weights. The weights of different eigenforces are
-    /// correlated, however, so splitting and merging such a library is approximate.
+    /// The method is iterative reweighting. `r_k` is the error that `n` eigenforces leave in movement `k`, in
+    /// the metric of the library. The next eigenforces are computed from the movements scaled by `c_k = (r_k
+    /// / median + 0.1)^(-1/2)`. This makes `sum r_k^2 c_k^2` about `sum r_k`. As in any library, a singular
+    /// value is the norm of its eigenforce's weights. The weights of different eigenforces are correlated,
+    /// however, so splitting and merging such a library is approximate.
     ///
     /// # Errors
-    /// All movements are at rest.
+    /// [`BuildError`] if all movements are at rest.
     pub fn balanced(&self, n: usize, truncation: Truncation) -> Result<Self, BuildError> {
         let LibraryParts { basis, weights, .. } = self.parts();
         let data = basis * weights;

@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::{Layout, Metric, MotionLibrary, SampledSpring, Truncation};
 
-/// Basis functions of forces, with the analysis matrix that yields their weights: `w = analysis^T f`, `f =
+/// Basis functions of forces, and the analysis matrix that yields their weights: `w = analysis^T f`, `f =
 /// functions w`.
 #[derive(Clone, Debug)]
 pub struct Basis {
@@ -13,14 +13,15 @@ pub struct Basis {
 }
 
 impl Basis {
-    /// Returns the first `n` eigenforces of a library.
+    /// Returns the first `n` eigenforces of a library as a basis.
     pub fn eigenforces(library: &MotionLibrary, n: usize) -> Self {
         let n = n.clamp(1, library.rank());
         let first = |matrix: &DMatrix<f64>| matrix.columns(0, n).into_owned();
         Self { functions: first(library.eigenforces()), analysis: first(library.analysis()) }
     }
 
-    /// Returns the eigenforces of each DoF separately, `n / dofs` each, from a library that is not truncated.
+    /// Returns a basis of the eigenforces of each DoF separately, `n / dofs` per DoF. The library must not be
+    /// truncated.
     pub fn eigenforces_of_each(library: &MotionLibrary, n: usize) -> Self {
         let layout = library.layout();
         let blocks = (0..layout.dofs()).map(|dof| {
@@ -35,8 +36,8 @@ impl Basis {
         Self::orthonormal(block_diagonal(&blocks.collect::<Vec<_>>()))
     }
 
-    /// Returns the constant, then cosines and sines of 1, 2, 3 ... periods in the duration: `n / dofs`
-    /// functions for each DoF, orthonormalised on the samples.
+    /// Returns a Fourier basis of `n / dofs` functions per DoF: the constant, then cosines and sines with 1,
+    /// 2, 3 ... periods in the duration, orthonormalised on the samples.
     pub fn fourier(layout: &Layout, spring: &SampledSpring, n: usize) -> Self {
         let steps = spring.forces();
         let each = (n / layout.dofs()).clamp(1, steps);
@@ -53,9 +54,9 @@ impl Basis {
         Self::orthonormal(block_diagonal(&vec![columns.qr().q(); layout.dofs()]))
     }
 
-    /// Returns the normalised radial kernels of a movement primitive, `s psi_i(s) / sum_j psi_j(s)`, `n /
-    /// dofs` of them for each DoF. Centres are evenly spaced in time, each kernel has the value 0.8 at the
-    /// centre of its successor, and `s` falls to 1 %. Weights are fitted by least squares.
+    /// Returns a basis of the normalised radial kernels of a movement primitive, `s psi_i(s) / sum_j
+    /// psi_j(s)`, with `n / dofs` kernels per DoF. Centres are evenly spaced in time, each kernel has the
+    /// value 0.8 at the centre of its successor, and `s` falls to 1 %. Weights are fitted by least squares.
     pub fn kernels(layout: &Layout, spring: &SampledSpring, n: usize) -> Self {
         let columns = kernel_functions(spring, (n / layout.dofs()).clamp(1, spring.forces()));
         Self::orthonormal(block_diagonal(&vec![columns.qr().q(); layout.dofs()]))
@@ -65,22 +66,22 @@ impl Basis {
         Self { analysis: functions.clone(), functions }
     }
 
-    /// Returns the number of functions, which is the number of weights.
+    /// Returns the number of basis functions, which is the number of weights.
     pub fn size(&self) -> usize {
         self.functions.ncols()
     }
 
-    /// Returns the functions, one per column.
+    /// Returns the basis functions, one per column.
     pub fn functions(&self) -> &DMatrix<f64> {
         &self.functions
     }
 
-    /// Returns the weights of forces, one movement per column.
+    /// Returns the weights of forces, with one movement per column.
     pub fn weights(&self, forces: &DMatrix<f64>) -> DMatrix<f64> {
         self.analysis.transpose() * forces
     }
 
-    /// Returns the approximation of forces, one movement per column.
+    /// Returns the approximation of forces by the basis, with one movement per column.
     pub fn approximate(&self, forces: &DMatrix<f64>) -> DMatrix<f64> {
         &self.functions * self.weights(forces)
     }
@@ -124,11 +125,11 @@ fn block_diagonal(blocks: &[DMatrix<f64>]) -> DMatrix<f64> {
 }
 
 impl MotionLibrary {
-    /// Returns a library of the same movements in another metric, computed from the weights of a complete
-    /// library.
+    /// Returns a library of the same movements in another metric, computed from the weights. This library
+    /// must not be truncated.
     ///
     /// # Errors
-    /// All movements are at rest.
+    /// [`BuildError`](super::BuildError) if all movements are at rest.
     pub fn in_metric(&self, metric: Metric, truncation: Truncation) -> Result<Self, super::BuildError> {
         let forces = self.eigenforces() * self.weights();
         let kind = (self.layout().clone(), *self.spring());
@@ -136,8 +137,8 @@ impl MotionLibrary {
     }
 }
 
-/// Returns the relative least-squares error of forces (degrees of freedom one after the other) approximated
-/// by `count` radial kernels for each degree of freedom.
+/// Returns the relative error of a least-squares approximation of forces by `count` radial kernels per degree
+/// of freedom. `forces` contains the degrees of freedom one after the other.
 pub fn kernel_error(forces: &[f64], spring: &SampledSpring, count: usize) -> f64 {
     let steps = spring.forces();
     let q = kernel_functions(spring, count.min(steps)).qr().q();

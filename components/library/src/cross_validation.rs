@@ -6,9 +6,9 @@ use crate::{
     nearest_neighbour_rate,
 };
 
-/// Name of the eigenforces in the metric of force.
+/// Basis name of the eigenforces in the metric of force.
 pub const FORCE: &str = "eigenforces, force";
-/// Name of the eigenforces in the metric of position.
+/// Basis name of the eigenforces in the metric of position.
 pub const POSITION: &str = "eigenforces, position";
 /// Names of the compared bases.
 pub const BASES: [&str; 5] = [FORCE, POSITION, BALANCED, "fourier", "kernels"];
@@ -19,21 +19,21 @@ const EXPLAINED: usize = 10;
 /// Errors of one basis with one number of weights, one entry per split.
 #[derive(Clone, Debug)]
 pub struct BasisErrors {
-    /// Name of the basis, one of [`BASES`].
+    /// Name of the basis, an entry of [`BASES`].
     pub basis: &'static str,
     /// Number of weights.
     pub n: usize,
-    /// Relative errors of force.
+    /// Relative error of the forces, one entry per split.
     pub force: Vec<f64>,
-    /// Errors of position relative to the spread, means over the movements.
+    /// Mean error of position over the movements, relative to the spread of the paths, one entry per split.
     pub position: Vec<f64>,
-    /// Standard deviations of the position errors over the movements.
+    /// Standard deviation of the position error over the movements, one entry per split.
     pub deviation: Vec<f64>,
-    /// Largest position errors.
+    /// Largest error of position of any movement, one entry per split.
     pub worst: Vec<f64>,
 }
 
-/// A cross-validation of libraries.
+/// A cross-validation that compares bases of forces.
 ///
 /// ```
 /// use motorium_library::letters::{Variation, letters};
@@ -60,20 +60,20 @@ pub struct CrossValidation {
 }
 
 impl CrossValidation {
-    /// Creates a cross-validation with these numbers of weights, without any split.
+    /// Creates a cross-validation for these numbers of weights, without any split.
     pub fn new(eigenforces: Vec<usize>) -> Self {
         Self { eigenforces, splits: 0, errors: Vec::new(), explained: Vec::new(), rates: Vec::new() }
     }
 
-    /// Returns the number of calls of `progress` in one [`add`](Self::add).
+    /// Returns the number of calls of `progress` in each [`add`](Self::add).
     pub fn progress_of_split(&self) -> usize {
         self.eigenforces.len() + 2
     }
 
-    /// Learns from the recordings `seen` and evaluates on the recordings `held`.
+    /// Adds a split: builds libraries from the recordings `seen` and evaluates them on the recordings `held`.
     ///
     /// # Errors
-    /// No library can be learned from the recordings.
+    /// [`BuildError`] if no library can be built from the recordings.
     pub fn add(
         &mut self,
         seen: &Recordings,
@@ -114,7 +114,7 @@ impl CrossValidation {
         Ok(())
     }
 
-    /// Returns the numbers of weights.
+    /// Returns the numbers of weights that are compared.
     pub fn eigenforces(&self) -> &[usize] {
         &self.eigenforces
     }
@@ -130,22 +130,22 @@ impl CrossValidation {
     }
 
     /// Returns the mean error of position over the splits and its standard deviation, for one basis with `n`
-    /// weights.
+    /// weights; `None` if they are unknown.
     pub fn position_error(&self, basis: &str, n: usize) -> Option<(f64, f64)> {
         let row = self.errors.iter().find(|row| row.basis == basis && row.n == n)?;
         Some(mean_and_deviation(&row.position))
     }
 
-    /// Returns the shares of the force variance that each of the first ten eigenforces explains, means over
-    /// the splits.
+    /// Returns the fraction of the force variance that each of the first ten eigenforces explains, as means
+    /// over the splits.
     pub fn explained(&self) -> Vec<f64> {
         let first = self.explained.iter().map(Vec::len).min().unwrap_or(0);
         let mean = |k: usize| self.explained.iter().map(|e| e[k]).sum::<f64>() / self.explained.len() as f64;
         (0..first).map(mean).collect()
     }
 
-    /// Returns the recognition rates in the metrics of force and position with the `k`-th number of weights,
-    /// means over the splits; `None` without labels.
+    /// Returns the recognition rates, 0 to 1, in the metrics of force and position with the `k`-th number of
+    /// weights, as means over the splits; `None` without labels.
     pub fn recognition(&self, k: usize) -> Option<[f64; 2]> {
         if self.rates.is_empty() || k >= self.eigenforces.len() {
             return None;

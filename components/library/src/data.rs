@@ -6,25 +6,25 @@ use motorium_recordings::{Recording, RecordingError, Selection, read_all};
 
 use crate::{Recordings, Trajectory};
 
-/// An error of [`Recordings::read`].
+/// Error of [`Recordings::read`].
 #[derive(Debug, thiserror::Error)]
 pub enum DataError {
     /// A file cannot be read.
     #[error(transparent)]
     Recording(#[from] RecordingError),
-    /// There is no file.
+    /// There are no files.
     #[error("found no file, expected at least one")]
     NoFile,
     /// A recording has different degrees of freedom from the first.
     #[error(
-        "recording `{id}` of {path} has the degrees of freedom {found}, the first one {expected}: choose common ones by name"
+        "recording `{id}` of {path} has the degrees of freedom {found}, expected {expected} as in the first: choose common ones by name"
     )]
     Names {
-        /// File or folder of the recording.
+        /// Path of the file or folder with the recording.
         path: String,
         /// Id of the recording.
         id: String,
-        /// Names of its degrees of freedom.
+        /// Names of the recording's degrees of freedom.
         found: String,
         /// Names of the degrees of freedom of the first recording.
         expected: String,
@@ -44,11 +44,11 @@ impl From<&Recording> for Trajectory {
 }
 
 impl Recordings {
-    /// Reads the recordings of files and folders, in this order; see [`motorium_recordings`] for their
+    /// Reads the recordings of files and folders, in this order. See [`motorium_recordings`] for their
     /// formats.
     ///
     /// # Errors
-    /// A file cannot be read, or recordings have different degrees of freedom.
+    /// [`DataError`] if a file cannot be read, or recordings have different degrees of freedom.
     pub fn read<P: AsRef<Path>>(
         paths: impl IntoIterator<Item = P>,
         selection: &Selection,

@@ -8,29 +8,30 @@ use crate::{
     Basis, Layout, Metric, MotionLibrary, Movement, Recordings, SampledSpring, Trajectory, Truncation,
 };
 
-/// Errors of one basis with one number of weights.
+/// Errors of one basis with a given number of weights.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Evaluation {
     /// Number of weights.
     pub n: usize,
-    /// Root mean square of the residual forces, relative to the forces.
+    /// Root mean square of the residual forces, relative to the root mean square of the forces.
     pub force: f64,
     /// Standard error of `force` over the movements.
     pub force_error: f64,
-    /// Errors of the paths.
+    /// Errors of the resulting paths.
     pub position: PathError,
 }
 
-/// Errors of paths: root mean square over the samples of each path, relative to the mean spread of all.
+/// Statistics of path errors. The error of a path is the root mean square over its samples, relative to the
+/// mean spread of all paths.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PathError {
-    /// Mean over the movements.
+    /// Mean error over the movements.
     pub mean: f64,
-    /// Standard deviation over the movements.
+    /// Standard deviation of the error over the movements.
     pub deviation: f64,
-    /// Median over the movements.
+    /// Median error over the movements.
     pub median: f64,
-    /// The movement with the largest error.
+    /// Largest error of any movement.
     pub worst: f64,
 }
 
@@ -62,7 +63,8 @@ pub(super) fn forces_of(
     (forces, frames)
 }
 
-/// Returns the errors of a basis on recordings: the errors of the forces and of the resulting spring paths.
+/// Computes the errors of a basis on recordings: of the forces, and of the paths of the spring under these
+/// forces.
 pub fn evaluate(basis: &Basis, recordings: &Recordings, spring: &SampledSpring) -> Evaluation {
     let (forces, _) = forces_of(recordings, spring);
     let left = &forces - basis.approximate(&forces);
@@ -83,7 +85,7 @@ pub fn evaluate(basis: &Basis, recordings: &Recordings, spring: &SampledSpring) 
     }
 }
 
-/// Returns the root mean square over the samples of the path caused by each column of residual forces.
+/// Returns the root mean square, over the samples, of the path that each column of residual forces causes.
 pub fn path_errors(mut left: DMatrix<f64>, dofs: usize, spring: &SampledSpring) -> Vec<f64> {
     let each = spring.forces();
     left.column_iter_mut()
@@ -104,8 +106,8 @@ fn mean_spread(recordings: &Recordings, spring: &SampledSpring) -> f64 {
     spreads.sum::<f64>() / recordings.trajectories.len().max(1) as f64
 }
 
-/// Returns the share of labelled recordings whose nearest movement of the library, in the first `n` weights,
-/// has the same label.
+/// Returns the fraction of labelled recordings that nearest-neighbour search recognises: the nearest movement
+/// of the library, in the first `n` weights, has the same label.
 pub fn nearest_neighbour_rate(library: &MotionLibrary, recordings: &Recordings, n: usize) -> f64 {
     let mut recogniser = super::Recogniser::new(library, n);
     let mut right = 0;
@@ -119,11 +121,12 @@ pub fn nearest_neighbour_rate(library: &MotionLibrary, recordings: &Recordings, 
     right as f64 / labelled.len().max(1) as f64
 }
 
-/// Name of the [balanced](MotionLibrary::balanced) eigenforces in [`compare`].
+/// Basis name of the [balanced](MotionLibrary::balanced) eigenforces in [`compare`].
 pub const BALANCED: &str = "eigenforces, balanced";
 
-/// Compares eigenforces, Fourier functions and kernels for each number of weights: `(name, evaluation)`. A
-/// library in the metric of position appears twice, the second time balanced for each number.
+/// Compares eigenforces, Fourier functions and kernels for each number of weights. Returns pairs of basis
+/// name and evaluation. A library in the metric of position is evaluated twice, the second time balanced for
+/// each number of weights. `done` is called after each evaluation.
 pub fn compare(
     libraries: &[(&'static str, &MotionLibrary)],
     recordings: &Recordings,

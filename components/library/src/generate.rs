@@ -3,24 +3,25 @@
 use crate::{Frame, MotionLibrary, SampledSpring};
 use motorium_algebra::Simd;
 
-/// Weights and a frame, which define a movement to generate.
+/// Weights and a frame that together define a movement to generate.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Superposition {
     /// Weights of the first eigenforces.
     pub weights: Vec<f64>,
-    /// Start, goal, velocity, duration.
+    /// Start, goal, initial velocity and duration.
     pub frame: Frame,
 }
 
 impl Superposition {
-    /// Returns a movement of the library, reconstructed from its first `eigenforces`.
+    /// Returns a movement of the library, reconstructed from its first `eigenforces` eigenforces.
     pub fn from_entry(library: &MotionLibrary, entry: usize, eigenforces: usize) -> Self {
         let eigenforces = eigenforces.clamp(1, library.rank());
         let weights = library.weights().column(entry).rows(0, eigenforces).iter().copied().collect();
         Self { weights, frame: library.entries()[entry].frame.clone() }
     }
 
-    /// Returns the mean of the movements of one label, reconstructed from the first `eigenforces`.
+    /// Returns the mean of the movements with a label, reconstructed from the first `eigenforces`
+    /// eigenforces; `None` if no movement has this label.
     pub fn mean_of(library: &MotionLibrary, label: &str, eigenforces: usize) -> Option<Self> {
         let members: Vec<usize> = (0..library.entries().len())
             .filter(|k| library.entries()[*k].label.as_deref() == Some(label))
@@ -33,8 +34,8 @@ impl Superposition {
         Some(mean)
     }
 
-    /// Returns `self + part * (other - self)`. Weights and frame are blended alike, since the path is linear
-    /// in both.
+    /// Returns the interpolation `self + part * (other - self)`. Weights and frame are interpolated alike,
+    /// since the path is linear in both.
     #[must_use]
     pub fn blend(&self, other: &Self, part: f64) -> Self {
         let n = self.weights.len().max(other.weights.len());
@@ -43,7 +44,8 @@ impl Superposition {
         Self { weights: (0..n).map(mix).collect(), frame: self.frame.towards(&other.frame, part) }
     }
 
-    /// Translates the movement to a new start (if given), then sets a new goal and duration (if given).
+    /// Returns the movement with a new start, goal and duration \[s\], each if given. A new start translates
+    /// the movement, including its goal, before a new goal is set.
     #[must_use]
     pub fn placed(mut self, start: Option<&[f64]>, goal: Option<&[f64]>, duration: Option<f64>) -> Self {
         if let Some(start) = start {
@@ -59,7 +61,7 @@ impl Superposition {
         self
     }
 
-    /// Returns the path: samples x DoFs.
+    /// Returns the path, samples x DoFs.
     pub fn path(&self, library: &MotionLibrary) -> nalgebra::DMatrix<f64> {
         super::movement::path(&self.frame, &library.forces(&self.weights), library.spring())
     }
@@ -69,15 +71,15 @@ impl Superposition {
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum GenerateError {
     /// There are more weights than eigenforces.
-    #[error("{found} weights for {rank} eigenforces")]
+    #[error("found {found} weights, expected at most {rank}, one per eigenforce")]
     Weights {
-        /// Number of weights.
+        /// Number of weights found.
         found: usize,
-        /// Number of eigenforces.
+        /// Number of eigenforces of the library.
         rank: usize,
     },
     /// The number of DoFs differs.
-    #[error("a frame of {found} degrees of freedom for a library of {expected}")]
+    #[error("the frame has {found} degrees of freedom, expected {expected} as in the library")]
     Dofs {
         /// Number of DoFs in the frame.
         found: usize,
@@ -85,18 +87,18 @@ pub enum GenerateError {
         expected: usize,
     },
     /// A value is NaN or infinite.
-    #[error("{0}, expected a finite number")]
+    #[error("found {0}, expected a finite number")]
     NotFinite(f64),
     /// The duration is not positive.
     #[error("a duration of {0} s, expected a positive time")]
     Duration(f64),
 }
 
-/// Generates movements of a library in a control loop. Starting, steering and stepping never allocate.
+/// A generator of movements of a library in a control loop. Starting, steering and stepping do not allocate.
 ///
-/// The forces are superposed at the start, and the spring follows them to the end of the movement. It then
-/// settles without forces for another quarter of the duration, while the remaining velocity decays. Between
-/// samples the path is a cubic with continuous velocity.
+/// The forces are superposed at the start, and the spring follows them to the end of the movement. The spring
+/// then settles without forces for another quarter of the duration, while the remaining velocity decays.
+/// Between samples the path is a cubic with continuous velocity.
 #[derive(Clone, Debug)]
 pub struct Generator {
     simd: Simd,
@@ -133,10 +135,10 @@ impl Generator {
         }
     }
 
-    /// Starts a movement from weights of the first eigenforces, in a frame.
+    /// Starts a movement from weights of the first eigenforces, with the boundary conditions `frame`.
     ///
     /// # Errors
-    /// Sizes do not match, or a value is not finite.
+    /// [`GenerateError`] if sizes do not match, or a value is not finite.
     pub fn start(&mut self, weights: &[f64], frame: &Frame) -> Result<(), GenerateError> {
         let dofs = self.position.len();
         if weights.len() > self.rank {
@@ -163,10 +165,10 @@ impl Generator {
         Ok(())
     }
 
-    /// Changes the goal from the next sample; the forces stay unchanged.
+    /// Changes the goal from the next sample on; the forces stay unchanged.
     ///
     /// # Errors
-    /// The number of DoFs differs, or a value is not finite.
+    /// [`GenerateError`] if the number of DoFs differs, or a value is not finite.
     pub fn set_goal(&mut self, goal: &[f64]) -> Result<(), GenerateError> {
         if goal.len() != self.position.len() {
             return Err(GenerateError::Dofs { found: goal.len(), expected: self.position.len() });
@@ -183,7 +185,7 @@ impl Generator {
         Ok(())
     }
 
-    /// Advances by a step of time, s.
+    /// Advances by `dt` seconds.
     pub fn step(&mut self, dt: f64) {
         self.time = (self.time + dt.max(0.0)).min(self.duration * self.settled());
         self.read();
@@ -199,8 +201,8 @@ impl Generator {
         &self.velocity
     }
 
-    /// Returns the time since the start divided by the duration; 1 at the end of the movement, when settling
-    /// starts.
+    /// Returns the time since the start divided by the duration. The value is 1 at the end of the movement,
+    /// when settling starts.
     pub fn progress(&self) -> f64 {
         self.time / self.duration
     }

@@ -2,18 +2,18 @@
 
 use serde::{Deserialize, Serialize};
 
-/// The degrees of freedom (DoF) of a library: their forces are stacked, one DoF after the other.
+/// Degrees of freedom (DoF) of a library, whose forces are stacked one DoF after the other.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Layout {
     names: Vec<String>,
 }
 
-/// A named part of a body: some of its DoFs.
+/// A named part of a body, consisting of some of its DoFs.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Part {
     /// Name of the part.
     pub name: String,
-    /// Indices of its DoFs, ascending.
+    /// Indices of the DoFs, ascending.
     pub dofs: Vec<usize>,
 }
 
@@ -31,9 +31,9 @@ pub enum LayoutError {
     NoMatch {
         /// Name of the part.
         part: String,
-        /// The pattern.
+        /// Pattern without a match.
         pattern: String,
-        /// All names.
+        /// All known names.
         known: String,
     },
     /// The text does not have the form `name=pattern,...`.
@@ -45,7 +45,7 @@ impl Layout {
     /// Creates a layout of DoFs with these names, in this order.
     ///
     /// # Errors
-    /// There are no names, or a name occurs twice.
+    /// [`LayoutError`] if there are no names, or a name occurs twice.
     pub fn new(names: Vec<String>) -> Result<Self, LayoutError> {
         if names.is_empty() {
             return Err(LayoutError::Empty);
@@ -71,7 +71,7 @@ impl Layout {
     /// Parses a part written as `name=pattern,pattern`. A pattern is a name, or a prefix followed by `*`.
     ///
     /// # Errors
-    /// The text has a different form, or a pattern matches no DoF.
+    /// [`LayoutError`] if the text does not have this form, or a pattern matches no DoF.
     pub fn part(&self, text: &str) -> Result<Part, LayoutError> {
         let (name, patterns) = text.split_once('=').ok_or_else(|| LayoutError::Syntax(text.to_string()))?;
         let mut dofs = Vec::new();

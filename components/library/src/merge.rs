@@ -10,33 +10,35 @@ use crate::{BuildError, Entry, Frame, Layout, LayoutError, LibraryParts, Metric,
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum MergeError {
     /// There are fewer than two libraries.
-    #[error("{0} libraries, expected at least two")]
+    #[error("found {0} libraries, expected at least two")]
     TooFew(usize),
-    /// The libraries use different springs.
+    /// The libraries use different springs. Contains the index of the library that differs, from 1.
     #[error(
-        "library {0} has another spring, number of samples or interpolation than the first: build both with the same"
+        "library {0} differs from the first in its spring, number of samples or interpolation: build both with the same"
     )]
     Spring(usize),
     /// The libraries use different metrics.
-    #[error("library {index} has the metric {found}, the first {expected}: build both with the same")]
+    #[error(
+        "library {index} has the metric {found}, expected {expected} as in the first: build both with the same"
+    )]
     Metric {
-        /// Index of the library, counted from 1.
+        /// Index of the library, from 1.
         index: usize,
         /// Metric of that library.
         found: Metric,
         /// Metric of the first library.
         expected: Metric,
     },
-    /// Parts share a name.
+    /// Names of DoFs are invalid, for example because two parts share a name.
     #[error(transparent)]
     Layout(#[from] LayoutError),
-    /// The movements have no common library, for example because all are at rest.
+    /// The movements do not form a common library, for example because all are at rest.
     #[error(transparent)]
     Build(#[from] BuildError),
     /// The libraries have different DoFs.
-    #[error("library {index} has the degrees of freedom {found}, the first {expected}")]
+    #[error("library {index} has the degrees of freedom {found}, expected {expected} as in the first")]
     Dofs {
-        /// Index of the library, counted from 1.
+        /// Index of the library, from 1.
         index: usize,
         /// DoFs of that library.
         found: String,
@@ -45,15 +47,15 @@ pub enum MergeError {
     },
 }
 
-/// Merges libraries of body parts into a library of the body.
+/// Merges libraries of body parts into a library of the whole body.
 ///
-/// If all were built from the same movements (the same ids in the same order), their weights contain the
-/// correlation between the parts. With the stacked weights `C = Q S R^T`, `diag(U_A, U_B, ...) Q` are exactly
-/// the eigenforces of the whole ("correlated", for complete libraries). Otherwise the result equals
-/// [`merge_independent`]. `truncation` chooses the rank of the result.
+/// If all libraries were built from the same movements (the same ids in the same order), their weights
+/// contain the correlation between the parts. With the stacked weights `C = Q S R^T`, `diag(U_A, U_B, ...) Q`
+/// are exactly the eigenforces of the whole body (for libraries that are not truncated). Otherwise the result
+/// equals [`merge_independent`]. `truncation` sets the number of eigenforces of the result.
 ///
 /// # Errors
-/// There are fewer than two libraries, or the libraries do not match.
+/// [`MergeError`] if there are fewer than two libraries, or the libraries do not match.
 pub fn merge_parts(
     libraries: &[&MotionLibrary],
     truncation: Truncation,
@@ -80,11 +82,11 @@ pub fn merge_parts(
 
 /// Merges libraries of body parts that move independently of each other.
 ///
-/// The eigenforces of all parts are kept and ordered by singular value. The movements of all parts are kept,
-/// each with the other parts at rest.
+/// The result contains the eigenforces of all parts, ordered by singular value, and the movements of all
+/// parts. During the movement of one part, the other parts are at rest.
 ///
 /// # Errors
-/// There are fewer than two libraries, or the libraries do not match.
+/// [`MergeError`] if there are fewer than two libraries, or the libraries do not match.
 pub fn merge_independent(
     libraries: &[&MotionLibrary],
     truncation: Truncation,
@@ -116,11 +118,11 @@ fn joined_basis(libraries: &[&MotionLibrary]) -> DMatrix<f64> {
 /// Merges the movements of several libraries of the same DoFs.
 ///
 /// `[F_1, F_2, ...]` has the left singular vectors of `[U_1 S_1, U_2 S_2, ...]`. The result is exact for
-/// complete libraries. With truncated ones, the leading eigenforces are nearly exact; the last ones lack the
-/// discarded components.
+/// libraries that are not truncated. For truncated libraries, the leading eigenforces are nearly exact; the
+/// last ones lack the discarded components.
 ///
 /// # Errors
-/// There are fewer than two libraries, or the libraries do not match.
+/// [`MergeError`] if there are fewer than two libraries, or the libraries do not match.
 pub fn merge_movements(
     libraries: &[&MotionLibrary],
     truncation: Truncation,

@@ -10,10 +10,10 @@ use motorium_algebra::left_singular;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Metric {
-    /// Force: the singular vectors of the forces themselves.
+    /// Force: the eigenforces are the singular vectors of the forces.
     #[default]
     Force,
-    /// Position: uses the singular vectors of the responses to the forces, and the forces that produce them.
+    /// Position: the eigenforces are the forces that produce the singular vectors of the responses.
     Position,
 }
 
@@ -26,21 +26,21 @@ impl core::fmt::Display for Metric {
     }
 }
 
-/// One movement that a library was built from.
+/// A movement from which a library was built.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Entry {
     /// Name of the movement.
     pub id: String,
-    /// Kind of movement, if known.
+    /// Label of the kind of movement, if known.
     pub label: Option<String>,
-    /// Start, goal, velocity and duration.
+    /// Start, goal, initial velocity and duration.
     pub frame: Frame,
 }
 
-/// Parts of a library; [`MotionLibrary::from_parts`] checks them.
+/// Parts of a library, checked by [`MotionLibrary::from_parts`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct LibraryParts {
-    /// Degrees of freedom.
+    /// Layout of the degrees of freedom.
     pub layout: Layout,
     /// Spring that converts forces to paths.
     pub spring: SampledSpring,
@@ -52,16 +52,17 @@ pub struct LibraryParts {
     pub singular: Vec<f64>,
     /// All known singular values of the data.
     pub spectrum: Vec<f64>,
-    /// Sum of squares of the data; equal to the spectrum's if all of it is known.
+    /// Sum of squares of the data. Equal to the sum of squares of the spectrum if all singular values are
+    /// known.
     pub energy: f64,
-    /// Weights of the movements the library was built from: eigenforces x movements.
+    /// Weights of the movements from which the library was built, eigenforces x movements.
     pub weights: DMatrix<f64>,
-    /// The movements the library was built from.
+    /// The movements from which the library was built.
     pub entries: Vec<Entry>,
 }
 
-/// Eigenforces, their singular values, and the movements from which they were computed, as weights.
-/// Immutable.
+/// An immutable library of movements: eigenforces, their singular values, and the weights of the movements
+/// from which they were computed.
 ///
 /// ```
 /// use motorium_library::letters::{Variation, letters};
@@ -108,16 +109,14 @@ pub enum BuildError {
     Recording {
         /// Id of the recording.
         id: String,
-        /// The reason.
+        /// Reason why the recording does not match.
         found: String,
     },
-    /// No recording moves.
+    /// All recordings are at rest.
     #[error("all forces are zero: nothing moves in these recordings")]
     Still,
     /// Some degrees of freedom are at rest in every recording.
-    #[error(
-        "{names}: at rest in all recordings, so that there are no eigenforces; expected a part that moves"
-    )]
+    #[error("{names}: at rest in all recordings, so there are no eigenforces; expected a part that moves")]
     Resting {
         /// Names of these degrees of freedom.
         names: String,
@@ -125,7 +124,7 @@ pub enum BuildError {
     /// Parts of a library do not match each other.
     #[error("{what} is {found}, expected {expected}")]
     Shape {
-        /// Name of the part.
+        /// Name of the part that does not match.
         what: &'static str,
         /// Value found.
         found: String,
@@ -135,10 +134,11 @@ pub enum BuildError {
 }
 
 impl MotionLibrary {
-    /// Learns from recordings.
+    /// Builds a library from recordings.
     ///
     /// # Errors
-    /// There is no recording, a value is not finite, or a recording does not match the names.
+    /// [`BuildError`] if there is no recording, a value is not finite, or a recording does not match the
+    /// names.
     pub fn build(
         recordings: &Recordings,
         spring: SampledSpring,
@@ -161,10 +161,10 @@ impl MotionLibrary {
         Self::from_forces(data, entries, (layout, spring), metric, truncation)
     }
 
-    /// Learns from forces: `dofs (samples - 1)` rows, one column per movement.
+    /// Builds a library from forces: `dofs (samples - 1)` rows, one column per movement.
     ///
     /// # Errors
-    /// Sizes do not match, or all forces are zero.
+    /// [`BuildError`] if sizes do not match, or all forces are zero.
     pub fn from_forces(
         mut data: DMatrix<f64>,
         entries: Vec<Entry>,
@@ -194,7 +194,7 @@ impl MotionLibrary {
     /// Builds a library from existing parts.
     ///
     /// # Errors
-    /// Sizes do not match.
+    /// [`BuildError`] if sizes do not match.
     pub fn from_parts(parts: LibraryParts) -> Result<Self, BuildError> {
         let rows = parts.layout.dofs() * parts.spring.forces();
         let rank = parts.basis.ncols();
@@ -253,7 +253,7 @@ impl MotionLibrary {
         &self.parts.spring
     }
 
-    /// Returns the metric.
+    /// Returns the metric in which the eigenforces are orthonormal.
     pub fn metric(&self) -> Metric {
         self.parts.metric
     }
@@ -263,12 +263,12 @@ impl MotionLibrary {
         self.parts.singular.len()
     }
 
-    /// Returns the number of rows of a force vector.
+    /// Returns the length of a force vector: `dofs (samples - 1)`.
     pub fn rows(&self) -> usize {
         self.parts.basis.nrows()
     }
 
-    /// Returns the movements the library was built from.
+    /// Returns the movements from which the library was built.
     pub fn entries(&self) -> &[Entry] {
         &self.parts.entries
     }
@@ -288,12 +288,13 @@ impl MotionLibrary {
         if self.parts.metric == Metric::Force { &self.parts.basis } else { &self.analysis }
     }
 
-    /// Returns the share of the variance explained by each eigenforce (in the metric), largest first.
+    /// Returns the fraction of the variance (in the metric) that each eigenforce explains, in descending
+    /// order.
     pub fn explained(&self) -> Vec<f64> {
         self.parts.singular.iter().map(|s| s * s / self.parts.energy).collect()
     }
 
-    /// Returns the cumulative share of the variance explained by the first 1, 2, ... eigenforces.
+    /// Returns the cumulative fraction of the variance that the first 1, 2, ... eigenforces explain.
     pub fn explained_together(&self) -> Vec<f64> {
         let mut sum = 0.0;
         let add = |part: f64| {
@@ -303,8 +304,8 @@ impl MotionLibrary {
         self.explained().into_iter().map(add).collect()
     }
 
-    /// Returns the number of eigenforces that explain a share of the variance, 0 to 1; 0 if all together
-    /// explain less.
+    /// Returns the number of eigenforces required to explain the fraction `part` of the variance, 0 to 1; 0
+    /// if all eigenforces together explain less.
     pub fn rank_explaining(&self, part: f64) -> usize {
         self.explained_together().iter().position(|sum| *sum >= part).map_or(0, |k| k + 1)
     }
@@ -327,7 +328,8 @@ impl MotionLibrary {
         weights
     }
 
-    /// Returns the forces of a movement from its weights. Fewer weights use only the first eigenforces.
+    /// Returns the forces of a movement from its weights. If there are fewer weights than eigenforces, only
+    /// the first eigenforces are used.
     pub fn forces(&self, weights: &[f64]) -> Vec<f64> {
         let mut forces = vec![0.0; self.rows()];
         let n = weights.len().min(self.rank());
@@ -336,7 +338,8 @@ impl MotionLibrary {
         forces
     }
 
-    /// Returns the index of the movement with this id, or of the first with this label.
+    /// Returns the index of the movement with the id `name`, or else of the first movement with the label
+    /// `name`.
     pub fn find(&self, name: &str) -> Option<usize> {
         let entries = &self.parts.entries;
         entries

@@ -4,23 +4,24 @@ use serde::{Deserialize, Serialize};
 
 use crate::{SampledSpring, Trajectory};
 
-/// Boundary conditions of a movement, which determine the path for given forces. One number for each DoF.
+/// Boundary conditions of a movement, which determine the path for given forces.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Frame {
     /// Start, one number per degree of freedom.
     pub start: Vec<f64>,
-    /// End of the path.
+    /// Goal, one number per degree of freedom.
     pub goal: Vec<f64>,
-    /// Start velocity, per duration.
+    /// Initial velocity per duration, one number per degree of freedom.
     pub velocity: Vec<f64>,
     /// Duration from start to end, s.
     pub duration: f64,
 }
 
-/// A movement as forces: a frame, and `samples - 1` forces per DoF, stored DoF by DoF.
+/// A movement represented by forces: `samples - 1` forces per DoF, stored one DoF after the other, in a
+/// frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Movement {
-    /// Frame of the movement.
+    /// Boundary conditions of the movement.
     pub frame: Frame,
     /// Forces of the movement.
     pub forces: Vec<f64>,
@@ -32,7 +33,7 @@ impl Frame {
         self.start.len()
     }
 
-    /// Returns `self + part * (other - self)` for every number.
+    /// Returns the interpolation `self + part * (other - self)` of every number.
     #[must_use]
     pub fn towards(&self, other: &Self, part: f64) -> Self {
         let mix = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a + part * (b - a)).collect();
@@ -46,8 +47,8 @@ impl Frame {
 }
 
 impl Movement {
-    /// Computes the forces that make the spring follow a recording. The goal is the last sample; the start
-    /// velocity is the difference of the first two.
+    /// Computes the forces with which the spring follows a recording. The goal is the last sample; the
+    /// initial velocity is the difference of the first two samples.
     pub fn from_trajectory(trajectory: &Trajectory, spring: &SampledSpring) -> Self {
         let path = trajectory.sampled(spring);
         let (forces_each, dofs) = (spring.forces(), path.ncols());
@@ -65,7 +66,7 @@ impl Movement {
         Self { frame, forces }
     }
 
-    /// Returns the path: samples x DoFs.
+    /// Returns the path, samples x DoFs.
     pub fn path(&self, spring: &SampledSpring) -> nalgebra::DMatrix<f64> {
         path(&self.frame, &self.forces, spring)
     }

@@ -3,18 +3,20 @@
 use crate::{Metric, MotionLibrary, Movement, Trajectory};
 use motorium_algebra::Simd;
 
-/// A recognised movement.
+/// Result of recognising a movement.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recognised {
     /// Weights of the movement.
     pub weights: Vec<f64>,
-    /// Residual of the eigenforces: `|f - U w| / |f|` in the metric of the library, 0 to 1.
+    /// Relative residual `|f - U w| / |f|` that the eigenforces leave, in the metric of the library, 0 to 1.
     pub novelty: f64,
-    /// The nearest movement of the library in weights, and its distance relative to the norm of the weights.
+    /// Index of the movement of the library with the nearest weights, and the distance relative to the norm
+    /// of the weights.
     pub nearest: Option<(usize, f64)>,
 }
 
-/// Recognises movements by the first `n` eigenforces of a library, without allocation.
+/// A recogniser of movements by the first `n` eigenforces of a library. Methods other than [`new`](Self::new)
+/// and [`recognise`](Self::recognise) do not allocate.
 #[derive(Clone, Debug)]
 pub struct Recogniser {
     simd: Simd,
@@ -31,7 +33,7 @@ pub struct Recogniser {
 }
 
 impl Recogniser {
-    /// Creates a recogniser that uses the first `eigenforces`.
+    /// Creates a recogniser that uses the first `eigenforces` eigenforces.
     pub fn new(library: &MotionLibrary, eigenforces: usize) -> Self {
         let eigenforces = eigenforces.clamp(1, library.rank());
         let rows = library.rows();
@@ -48,12 +50,13 @@ impl Recogniser {
         }
     }
 
-    /// Returns the number of weights.
+    /// Returns the number of eigenforces used, which is the number of weights.
     pub fn eigenforces(&self) -> usize {
         self.eigenforces
     }
 
-    /// Projects forces (length: rows of the library) and returns their weights.
+    /// Projects forces onto the eigenforces and returns the weights. The length of `forces` is the number of
+    /// [`rows`](MotionLibrary::rows) of the library.
     ///
     /// # Panics
     /// If `forces` has a different length.
@@ -63,8 +66,8 @@ impl Recogniser {
         &self.weights
     }
 
-    /// Projects forces and returns their novelty: the residual `|f - U w| / |f|` in the metric of the
-    /// library.
+    /// Projects forces and returns their novelty: the relative residual `|f - U w| / |f|` in the metric of
+    /// the library.
     pub fn novelty(&mut self, forces: &[f64]) -> f64 {
         self.project(forces);
         let all = self.metric.norm(&self.spring, forces, &mut self.scratch);
@@ -76,8 +79,7 @@ impl Recogniser {
         (1.0 - explained * explained).max(0.0).sqrt()
     }
 
-    /// Returns the movement of the library whose weights are nearest to the last projection, and the
-    /// distance.
+    /// Returns the index of the movement whose weights are nearest to the last projection, and the distance.
     pub fn nearest(&self) -> Option<(usize, f64)> {
         let distance =
             |known: &[f64]| known.iter().zip(&self.weights).map(|(a, b)| (a - b) * (a - b)).sum::<f64>();
@@ -94,7 +96,7 @@ impl Recogniser {
         &self.weights
     }
 
-    /// Projects a recording and returns weights, novelty and nearest movement.
+    /// Projects a recording and returns its weights, its novelty and the nearest movement.
     pub fn recognise(&mut self, trajectory: &Trajectory) -> Recognised {
         let movement = Movement::from_trajectory(trajectory, &self.spring);
         let novelty = self.novelty(&movement.forces);

@@ -6,13 +6,13 @@ use crate::motion_library::check;
 use crate::{BuildError, Entry, LibraryParts, MotionLibrary, Movement, Trajectory};
 use motorium_algebra::{Simd, Wanted, eigen_of_rank_one_update, left_singular};
 
-/// A library to which movements are added one by one or in blocks.
+/// A library that is updated with movements one by one or in blocks.
 ///
 /// With `p = U^T x`, `e = x - U p` and `rho = |e|`, the new matrix is `[U, e/rho] [[g S, p], [0, rho]]
-/// [...]^T`, and the left singular vectors of the small matrix are the eigenvectors of `diag(g^2 S^2, 0) +
-/// [p; rho] [p; rho]^T`: a secular equation. `g <= 1` is a forgetting factor: a movement seen `k` movements
-/// ago has weight `g^k`. At most `capacity` eigenforces are kept. The last ones are inexact, so keep about `2
-/// n + 10` to use `n`. An update costs `O(rows capacity^2)`.
+/// [...]^T`. The left singular vectors of the small matrix are the eigenvectors of `diag(g^2 S^2, 0) + [p;
+/// rho] [p; rho]^T`: a secular equation. `g <= 1` is a forgetting factor: after `k` further movements, a
+/// movement has the weight `g^k`. At most `capacity` eigenforces are kept. The last ones are inexact, so set
+/// a capacity of about `2 n + 10` to use `n`. An update costs `O(rows capacity^2)`.
 ///
 /// Singular values below about 1e-7 of the largest are not resolved, because the equation contains their
 /// squares.
@@ -35,8 +35,8 @@ pub struct RecursiveLibrary {
 }
 
 impl RecursiveLibrary {
-    /// Continues from a library, keeping at most `capacity` eigenforces; `forgetting` is `g`, from 0
-    /// (exclusive) to 1.
+    /// Creates an updatable library that continues from `library` and keeps at most `capacity` eigenforces.
+    /// `forgetting` is the factor `g`, more than 0, at most 1.
     ///
     /// # Panics
     /// If `forgetting` is out of range.
@@ -52,10 +52,10 @@ impl RecursiveLibrary {
         Self { origin: library, capacity, forgetting, simd, basis, squares, energy, added, added_data }
     }
 
-    /// Adds one movement as forces.
+    /// Adds one movement, given as forces.
     ///
     /// # Panics
-    /// If the length of the forces differs from the number of rows of the library.
+    /// If the length of `forces` differs from the number of rows of the library.
     pub fn add_forces(&mut self, forces: &[f64]) {
         let rows = self.basis.nrows();
         let mut x = DMatrix::from_column_slice(rows, 1, forces);
@@ -101,7 +101,8 @@ impl RecursiveLibrary {
         self.squares = update.values[dropped..].iter().map(|value| value.max(0.0)).collect();
     }
 
-    /// Adds a block of movements as forces, one per column. Forgetting applies once per block.
+    /// Adds a block of movements, given as forces, one per column. The forgetting factor applies once per
+    /// block.
     pub fn add_block(&mut self, forces: &DMatrix<f64>) {
         let mut data = forces.clone();
         self.origin.metric().into_space(self.origin.spring(), &mut data);
@@ -134,7 +135,7 @@ impl RecursiveLibrary {
     /// Adds a recording, which becomes a movement of the library.
     ///
     /// # Errors
-    /// The recording does not match the library.
+    /// [`BuildError`] if the recording does not match the library.
     pub fn add(&mut self, trajectory: &Trajectory) -> Result<(), BuildError> {
         check(trajectory, self.origin.layout().dofs())?;
         let movement = Movement::from_trajectory(trajectory, self.origin.spring());
@@ -145,13 +146,13 @@ impl RecursiveLibrary {
         Ok(())
     }
 
-    /// Returns the singular values, the largest first.
+    /// Returns the singular values in descending order.
     pub fn singular(&self) -> Vec<f64> {
         self.squares.iter().rev().map(|s| s.sqrt()).collect()
     }
 
-    /// Returns the current library: the old movements, as far as the eigenforces represent them, and the
-    /// added ones.
+    /// Converts to a library of the previous movements, as represented by the current eigenforces, and the
+    /// added movements.
     pub fn into_library(self) -> MotionLibrary {
         let (rows, rank) = self.basis.shape();
         let basis = DMatrix::from_fn(rows, rank, |i, k| self.basis[(i, rank - 1 - k)]);

@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector};
 
 use motorium_algebra::{SymmetricEigen, symmetric_eigen};
 
-/// Recursive mean and scatter of samples.
+/// Recursive mean and scatter matrix of samples.
 ///
 /// With `N` samples of mean `m` and scatter `S = sum (x - m)(x - m)^T`, one more sample `x` yields
 ///
@@ -22,7 +22,7 @@ pub struct RecursiveScatter {
 }
 
 impl RecursiveScatter {
-    /// Creates an empty scatter of samples with `dimensions` entries.
+    /// Creates an empty scatter for samples with `dimensions` entries.
     pub fn new(dimensions: usize) -> Self {
         Self { samples: 0, mean: DVector::zeros(dimensions), scatter: DMatrix::zeros(dimensions, dimensions) }
     }
@@ -30,7 +30,7 @@ impl RecursiveScatter {
     /// Adds a sample.
     ///
     /// # Panics
-    /// If the number of dimensions differs.
+    /// If the length of the sample differs from the number of dimensions.
     pub fn add(&mut self, sample: &DVector<f64>) {
         let n = self.samples as f64;
         let away = sample - &self.mean;
@@ -54,7 +54,7 @@ impl RecursiveScatter {
         &self.scatter / (self.samples.max(2) - 1) as f64
     }
 
-    /// Returns the principal components: variances, the largest first, and directions.
+    /// Returns the principal components: variances in descending order, and directions.
     pub fn components(&self) -> SymmetricEigen {
         symmetric_eigen(self.covariance())
     }

@@ -7,16 +7,16 @@ use motorium_algebra::{Wanted, left_singular};
 use crate::{BuildError, Entry, Frame, LibraryParts, MotionLibrary, Part};
 
 impl MotionLibrary {
-    /// Returns the library of a subset of DoFs, without needing the recordings.
+    /// Returns the library of a part of the DoFs, without the recordings.
     ///
     /// With `P` the rows of the part, `P F = P U S V^T`. `P U S` has the same left singular vectors as the
-    /// part's data, and `V` drops out. If this library is truncated, so is its part.
+    /// part's data, because `V` cancels out. If this library is truncated, the result is truncated too.
     ///
     /// # Errors
-    /// The part is at rest in all recordings and has no eigenforces.
+    /// [`BuildError`] if the part is at rest in all recordings and therefore has no eigenforces.
     ///
     /// # Panics
-    /// If the part names an unknown DoF; [`Layout::part`](super::Layout::part) returns valid parts.
+    /// If the part contains an unknown DoF; [`Layout::part`](super::Layout::part) returns only valid parts.
     pub fn split(&self, part: &Part) -> Result<Self, BuildError> {
         let (parts, forces) = (self.parts(), self.spring().forces());
         let rows: Vec<usize> = part.dofs.iter().flat_map(|dof| dof * forces..(dof + 1) * forces).collect();

@@ -3,7 +3,8 @@
 
 use serde::{Deserialize, Serialize};
 
-/// The transformation system `y'' = K (g - y) - D y' + f` in normalised time (the duration is 1), in steps.
+/// A discretised spring: the transformation system `y'' = K (g - y) - D y' + f` in normalised time, in which
+/// the duration is 1.
 ///
 /// With `T` samples and the step `h = 1 / (T - 1)`, semi-implicit Euler
 ///
@@ -11,10 +12,10 @@ use serde::{Deserialize, Serialize};
 /// a_k = K (g - y_k) - D v_k + f_k,    v_{k+1} = v_k + h a_k,    y_{k+1} = y_k + h v_{k+1}
 /// ```
 ///
-/// is inverted without any error but rounding: `v_{k+1} = (y_{k+1} - y_k) / h`, `a_k = (v_{k+1} - v_k) / h`.
-/// A path of `T` samples and its start velocity `v_0` (in units per duration) determine `T - 1` forces, and
+/// is inverted exactly except for rounding: `v_{k+1} = (y_{k+1} - y_k) / h`, `a_k = (v_{k+1} - v_k) / h`. A
+/// path of `T` samples and its initial velocity `v_0` (in units per duration) determine `T - 1` forces, and
 /// the forces determine the path. The path is linear in start, velocity, goal and forces: `y = y_free + G f`,
-/// with `G` lower triangular and Toeplitz. [`respond`](Self::respond) multiplies by it and
+/// with `G` lower triangular and Toeplitz. [`respond`](Self::respond) multiplies by `G` and
 /// [`force_of`](Self::force_of) by its inverse.
 ///
 /// Source: the transformation system of Ijspeert et al., Neural Computation 25, 2013, with `K = D^2 / 4`.
@@ -28,14 +29,14 @@ pub struct SampledSpring {
     interpolation: Interpolation,
 }
 
-/// The curve between the samples of a recording on which a path is resampled.
+/// Curve through the samples of a recording, on which a path is resampled.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Interpolation {
-    /// A natural cubic spline. Default: its second derivative, and with it the force, is continuous.
+    /// Natural cubic spline, the default. The second derivative, and with it the force, is continuous.
     #[default]
     Spline,
-    /// Straight lines. Every sample is a kink, which causes a spike of force.
+    /// Straight lines between samples. Every sample is a kink, which causes a spike of force.
     Linear,
 }
 
@@ -46,13 +47,13 @@ impl Interpolation {
     }
 }
 
-/// Default damping: `D = 25`, `K = 156.25`.
+/// Default damping `D = 25`, with the stiffness `K = 156.25`.
 pub const DAMPING: f64 = 25.0;
 
-/// Error of steps that are too wide for a stable spring.
+/// Error of steps that are too long for a stable spring.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[error(
-    "{samples} samples with a damping of {damping}: expected a positive damping and more than {least} samples, for stable steps"
+    "found {samples} samples with a damping of {damping}, expected a positive damping and more than {least} samples for stable steps"
 )]
 pub struct SpringError {
     samples: usize,
@@ -64,7 +65,7 @@ impl SampledSpring {
     /// Creates a critically damped spring, `K = D^2 / 4`, for paths of `samples` samples.
     ///
     /// # Errors
-    /// The damping is not a positive number, or the step times `D` is 1 or more.
+    /// [`SpringError`] if the damping is not a positive number, or the step `h` times `D` is not less than 1.
     pub fn new(samples: usize, damping: f64) -> Result<Self, SpringError> {
         let least = if damping.is_finite() { damping.abs().ceil() as usize + 1 } else { 0 };
         if !(damping.is_finite() && damping > 0.0) || samples <= least {
@@ -74,18 +75,18 @@ impl SampledSpring {
         Ok(Self { stiffness: 0.25 * damping * damping, damping, samples, interpolation })
     }
 
-    /// Returns the same spring for paths sampled on another curve between the samples of a recording.
+    /// Returns the same spring with another interpolation curve for resampling recordings.
     #[must_use]
     pub fn with_interpolation(self, interpolation: Interpolation) -> Self {
         Self { interpolation, ..self }
     }
 
-    /// Returns the curve between the samples of a recording.
+    /// Returns the interpolation curve for resampling recordings.
     pub fn interpolation(&self) -> Interpolation {
         self.interpolation
     }
 
-    /// Returns the number of samples of a path, `T`.
+    /// Returns the number of samples `T` of a path.
     pub fn samples(&self) -> usize {
         self.samples
     }
@@ -105,8 +106,8 @@ impl SampledSpring {
         1.0 / (self.samples - 1) as f64
     }
 
-    /// Computes the forces that make the spring follow `path` (`T` samples) from `velocity` (per duration) to
-    /// `goal`.
+    /// Computes the forces with which the spring follows `path` (`T` samples), for an initial `velocity` (per
+    /// duration) and a `goal`.
     pub fn forces_of(&self, path: &[f64], velocity: f64, goal: f64, forces: &mut [f64]) {
         let h = self.step();
         let mut v = velocity;
@@ -117,7 +118,8 @@ impl SampledSpring {
         }
     }
 
-    /// Computes the path (`T` samples) under `forces` (`T - 1`).
+    /// Computes the path (`T` samples) under `forces` (`T - 1`), for this start, initial velocity (per
+    /// duration) and goal.
     pub fn path_of(&self, forces: &[f64], [start, velocity, goal]: [f64; 3], path: &mut [f64]) {
         let h = self.step();
         let (mut y, mut v) = (start, velocity);
@@ -136,8 +138,8 @@ impl SampledSpring {
         [y + h * v, v]
     }
 
-    /// Maps `f` to `G f` in place: the response of samples 1 to `T - 1` to forces alone, from rest at a goal
-    /// of 0.
+    /// Maps forces `f` to `G f` in place: the response of samples 1 to `T - 1` to forces alone, from rest at
+    /// a goal of 0.
     pub fn respond(&self, forces: &mut [f64]) {
         let h = self.step();
         let (mut y, mut v) = (0.0, 0.0);
@@ -148,7 +150,7 @@ impl SampledSpring {
         }
     }
 
-    /// Maps `y` to `G^-1 y` in place: the forces of a response.
+    /// Maps a response `y` to the forces `G^-1 y` in place.
     pub fn force_of(&self, response: &mut [f64]) {
         let h = self.step();
         let (mut y, mut v) = (0.0, 0.0);
@@ -160,7 +162,7 @@ impl SampledSpring {
         }
     }
 
-    /// Maps `x` to `G^T x` in place, such that `u . (G f) = (G^T u) . f`.
+    /// Maps values `x` to `G^T x` in place, so that `u . (G f) = (G^T u) . f`.
     pub fn respond_transposed(&self, values: &mut [f64]) {
         // G is Toeplitz and lower triangular: its transpose is itself with time reversed.
         values.reverse();

@@ -1,7 +1,7 @@
 //! Means with their spread.
 
-/// Returns mean and sample standard deviation (with `n - 1` in the denominator; 0 for a single value) of
-/// `values`.
+/// Returns the mean and sample standard deviation of `values` (with `n - 1` in the denominator; 0 for a
+/// single value).
 pub fn mean_and_deviation(values: &[f64]) -> (f64, f64) {
     let n = values.len().max(1) as f64;
     let mean = values.iter().sum::<f64>() / n;
@@ -15,13 +15,13 @@ pub fn mean_and_error(values: &[f64]) -> (f64, f64) {
     (mean, deviation / (values.len().max(1) as f64).sqrt())
 }
 
-/// Returns the standard error of a proportion `rate` found in `count` trials, `sqrt(p (1 - p) / n)`.
+/// Returns the standard error of a proportion `rate` observed in `count` trials, `sqrt(p (1 - p) / n)`.
 pub fn proportion_error(rate: f64, count: usize) -> f64 {
     (rate * (1.0 - rate) / count.max(1) as f64).sqrt()
 }
 
-/// Returns the ratio of the sums of `parts` and `wholes`, pair by pair, and its standard error to first order
-/// (the delta method).
+/// Returns the ratio of the sums of `parts` and `wholes`, which are paired, and its standard error to first
+/// order (the delta method).
 ///
 /// ```
 /// use motorium_library::statistics::ratio_and_error;
@@ -36,8 +36,9 @@ pub fn ratio_and_error(parts: &[f64], wholes: &[f64]) -> (f64, f64) {
     (ratio, (squares * n / (n - 1.0).max(1.0)).sqrt() / whole)
 }
 
-/// Returns the standard errors of variance shares of `count` samples, whose principal components have the
-/// shares `shares` (the largest first, with a sum of 1): of each share, and of the cumulative shares.
+/// Returns the standard errors of the variance fractions of principal components of `count` samples, for each
+/// component and cumulatively. `shares` are the fractions in descending order, with a sum of 1. The errors
+/// follow from
 ///
 /// ```text
 /// var(sum of a set K of shares) = 2 / count ((1 - P)^2 sum_K p^2 + P^2 sum_others p^2),   P = sum_K p
@@ -60,8 +61,8 @@ pub fn share_errors(shares: &[f64], count: usize) -> Vec<(f64, f64)> {
     shares.iter().map(of).collect()
 }
 
-/// Formats a mean and its error to two digits of the error: `0.3004 +- 0.0041`. An error of 0, as for a
-/// single value, is omitted, and the mean has four digits.
+/// Formats a mean with its error, to two digits of the error: `0.3004 +- 0.0041`. An error of 0, as for a
+/// single value, is omitted, and the mean then has four digits.
 ///
 /// ```
 /// use motorium_library::statistics::with_error;

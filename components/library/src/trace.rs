@@ -6,7 +6,8 @@ use crate::generate::Superposition;
 /// Largest number of samples of a [`Trace`].
 const SAMPLES: usize = 1000;
 
-/// Samples of a movement: the generated path and, if known, the measured one. Only construction allocates.
+/// Samples of an executed movement: the generated path and, if known, the measured path. Only construction
+/// allocates.
 #[derive(Clone, Debug)]
 pub struct Trace {
     commanded: Vec<f64>,
@@ -46,7 +47,7 @@ impl Trace {
         self.steps = 0;
     }
 
-    /// Adds a step, one number per degree of freedom each; ignored when the trace is full.
+    /// Adds the samples of a step, one number per degree of freedom. Ignored if the trace is full.
     pub fn add(&mut self, commanded: &[f64], measured: Option<&[f64]>) {
         let due = self.steps.is_multiple_of(self.every);
         self.steps += 1;
@@ -59,8 +60,8 @@ impl Trace {
         }
     }
 
-    /// Returns the distances from the path that all eigenforces generate for a movement of the library, at
-    /// the same fractions of its duration.
+    /// Returns the distances between the recorded paths and the path that all eigenforces generate for
+    /// movement `entry` of the library, at the same fractions of its duration.
     pub fn errors(&self, library: &MotionLibrary, entry: usize) -> TraceErrors {
         let count = self.commanded.len() / self.dofs.max(1);
         if count < 2 {

@@ -10,13 +10,13 @@ use crate::{Interpolation, SampledSpring};
 /// A recorded movement: evenly spaced positions of every degree of freedom.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Trajectory {
-    /// Name; unique in its set if that matters.
+    /// Name of the movement.
     pub id: String,
-    /// Kind of movement, if known.
+    /// Label of the kind of movement, if known.
     pub label: Option<String>,
-    /// Duration from the first sample to the last, s.
+    /// Time from the first sample to the last, s.
     pub duration: f64,
-    /// Samples x degrees of freedom.
+    /// Positions, samples x degrees of freedom.
     pub positions: DMatrix<f64>,
 }
 
@@ -25,12 +25,12 @@ pub struct Trajectory {
 pub struct Recordings {
     /// Names of the degrees of freedom.
     pub names: Vec<String>,
-    /// The movements.
+    /// Recorded movements.
     pub trajectories: Vec<Trajectory>,
 }
 
 impl Trajectory {
-    /// Returns the path at the spring's samples: evenly spaced, on the spring's interpolation curve.
+    /// Returns the path at the spring's samples, which are evenly spaced on the spring's interpolation curve.
     pub fn sampled(&self, spring: &SampledSpring) -> DMatrix<f64> {
         match spring.interpolation() {
             Interpolation::Spline if self.positions.nrows() > 2 => self.splined(spring.samples()).positions,
@@ -38,7 +38,7 @@ impl Trajectory {
         }
     }
 
-    /// Resamples to `samples` evenly spaced samples by linear interpolation.
+    /// Returns the path resampled to `samples` evenly spaced samples by linear interpolation.
     pub fn resampled(&self, samples: usize) -> DMatrix<f64> {
         let (rows, columns) = self.positions.shape();
         DMatrix::from_fn(samples, columns, |k, d| {
@@ -50,9 +50,9 @@ impl Trajectory {
         })
     }
 
-    /// Resamples the natural cubic spline through the samples at `samples` evenly spaced points. Forces are
-    /// second differences: piecewise linear paths cause a spike at every sample, splines do not. A recording
-    /// that already has `samples` samples stays unchanged.
+    /// Returns the recording resampled to `samples` evenly spaced points of the natural cubic spline through
+    /// its samples. Forces are second differences: piecewise linear paths cause a spike at every sample,
+    /// splines do not. A recording that already has `samples` samples stays unchanged.
     #[must_use]
     pub fn splined(&self, samples: usize) -> Self {
         let (rows, columns) = self.positions.shape();
@@ -89,11 +89,12 @@ impl Trajectory {
         Self { positions, ..self.clone() }
     }
 
-    /// Smooths with a symmetric Gaussian of standard deviation `sigma` samples, without a phase shift.
+    /// Returns the recording smoothed with a symmetric Gaussian of standard deviation `sigma` samples,
+    /// without a phase shift.
     ///
     /// Forces are second differences and amplify noise, so a measured recording is smoothed before it is
     /// converted to forces. The recording is extended point-symmetrically at both ends, so the first and last
-    /// sample stay.
+    /// sample do not change.
     #[must_use]
     pub fn smoothed(&self, sigma: f64) -> Self {
         if sigma <= 0.0 {
@@ -128,9 +129,9 @@ impl Trajectory {
 }
 
 impl Recordings {
-    /// Cuts the recording into windows of `length` samples, one every `stride`, and drops windows with a
-    /// discontinuity larger than `leap` between samples. Each window keeps the label, and its id is extended
-    /// by the index of its first sample.
+    /// Returns windows of `length` samples of the recording, one every `stride` samples. Windows with a step
+    /// change larger than `leap` between samples are omitted. Each window keeps the label, and the index of
+    /// its first sample is appended to its id.
     #[must_use]
     pub fn windows(&self, length: usize, stride: usize, leap: f64) -> Self {
         let mut trajectories = Vec::new();
@@ -156,8 +157,8 @@ impl Recordings {
         Self { names: self.names.clone(), trajectories }
     }
 
-    /// Splits at random into a set with the fraction `share` of all movements (at least one, if there are
-    /// two) and the rest. Equal seeds give equal sets.
+    /// Splits the movements at random. The first set contains the fraction `share` of all movements (at least
+    /// one if there are two), the second set the others. Equal seeds give equal sets.
     pub fn split(&self, share: f64, seed: u64) -> (Self, Self) {
         let mut order: Vec<&Trajectory> = self.trajectories.iter().collect();
         order.shuffle(&mut Pcg64::seed_from_u64(seed));
@@ -170,7 +171,8 @@ impl Recordings {
         (set(first), set(rest))
     }
 
-    /// Splits off every `k`-th movement of each label (in order) into the second set.
+    /// Splits the movements by label: every `every`-th movement of each label, in order, belongs to the
+    /// second set, all others to the first.
     pub fn hold_out(&self, every: usize) -> (Self, Self) {
         let mut counts = std::collections::BTreeMap::<Option<&str>, usize>::new();
         let (mut seen, mut held) = (Vec::new(), Vec::new());

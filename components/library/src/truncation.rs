@@ -9,10 +9,11 @@ pub enum Truncation {
     All,
     /// At most this number of eigenforces.
     Rank(usize),
-    /// The smallest number that leaves at most this share of the root mean square of the forces (of the
-    /// responses, in [`Metric::Position`](super::Metric::Position)): 0.05 keeps all but 5 %.
+    /// The smallest number of eigenforces that leaves at most this fraction of the root mean square of the
+    /// forces (of the responses, in [`Metric::Position`](super::Metric::Position)). For example, 0.05 leaves
+    /// at most 5 %.
     Error(f64),
-    /// The largest number that fits into this number of bytes, `8 (rows + 1)` each.
+    /// The largest number of eigenforces that fits into this number of bytes, with `8 (rows + 1)` bytes each.
     Bytes(usize),
 }
 

@@ -24,11 +24,11 @@ use crate::gplvm::{LatentError, LatentModel, Scratch};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Parameters {
-    /// A fixed number of parameters, in which the model is linear.
+    /// A fixed number of parameters, on which the output depends linearly.
     Linear,
-    /// A fixed number of parameters.
+    /// A fixed number of parameters, on which the output depends nonlinearly.
     Nonlinear,
-    /// The training data, with few hyperparameters.
+    /// The training data and a few hyperparameters.
     Data,
 }
 
@@ -54,22 +54,22 @@ pub enum Data {
     Much,
 }
 
-/// Properties of a kind of model: a row of table 2.4 of Delhaisse's thesis (2019).
+/// Properties of a kind of model, a row of table 2.4 of Delhaisse's thesis (2019).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Class {
-    /// Name.
+    /// Name of the kind of model.
     pub name: &'static str,
-    /// Path of its implementation.
+    /// Module path of its implementation.
     pub path: &'static str,
     /// Form of its parameters.
     pub parameters: Parameters,
     /// `true` if the model predicts distributions.
     pub probabilistic: bool,
-    /// `true` if it models the joint distribution of the data, from which new data can be sampled.
+    /// `true` if the model describes the joint distribution of the data, from which new data can be sampled.
     pub generative: bool,
     /// Scope of a prediction.
     pub scope: Scope,
-    /// `true` if its parameters are interpretable by humans.
+    /// `true` if humans can interpret its parameters.
     pub interpretable: bool,
     /// `true` if it can approximate any continuous function.
     pub universal: bool,
@@ -115,18 +115,18 @@ impl Class {
     }
 }
 
-/// Gaussian processes.
+/// Properties of Gaussian processes.
 pub const GAUSSIAN_PROCESS: Class =
     class("gaussian process", "motorium_models::gp", Parameters::Data, Scope::Step, Data::Little)
         .probabilistic()
         .universal();
-/// Shared latent spaces.
+/// Properties of shared latent spaces.
 pub const SHARED_LATENT: Class =
     class("shared GP-LVM", "motorium_models::gplvm", Parameters::Data, Scope::Step, Data::Little)
         .generative()
         .universal();
 
-/// All kinds of models in the workspace.
+/// Properties of all kinds of models in the workspace.
 pub const CLASSES: [Class; 13] = [
     GAUSSIAN_PROCESS,
     SHARED_LATENT,
@@ -217,20 +217,20 @@ pub trait Approximator {
     /// Returns the trainable parameters as one vector.
     fn parameters(&self) -> Vec<f64>;
 
-    /// Replaces the parameters.
+    /// Replaces the trainable parameters.
     ///
     /// # Errors
-    /// If their number or their values are invalid.
+    /// Returns an error if the number of parameters or a value is invalid.
     fn set_parameters(&mut self, parameters: &[f64]) -> Result<(), Self::Error>;
 
-    /// Writes the mean of the outputs.
+    /// Predicts outputs from inputs `x` and writes their mean.
     ///
     /// # Panics
     /// If a slice has the wrong length.
     fn predict(&mut self, x: &[f64], mean: &mut [f64]);
 
-    /// Writes the mean and the variance of the outputs. Returns `false` for a model without variances, which
-    /// writes the mean only.
+    /// Predicts outputs from inputs `x` and writes their mean and variance. Returns `false` for a model
+    /// without variances, which writes only the mean.
     ///
     /// # Panics
     /// If a slice has the wrong length.
@@ -273,7 +273,7 @@ impl Approximator for GaussianProcess {
     }
 }
 
-/// A map from the poses of one space of a latent model to the poses of another.
+/// A map from poses of one space of a latent model to poses of another.
 #[derive(Clone, Debug)]
 pub struct LatentMap {
     model: LatentModel,
@@ -284,10 +284,10 @@ pub struct LatentMap {
 }
 
 impl LatentMap {
-    /// Creates the map between two spaces.
+    /// Creates the map from the space named `from` to the space named `to`.
     ///
     /// # Errors
-    /// If the model has no space with one of the names.
+    /// [`LatentError`] if the model has no space with one of these names.
     pub fn new(model: LatentModel, from: &str, to: &str) -> Result<Self, LatentError> {
         let (from, to) = (model.space(from)?, model.space(to)?);
         let variance = vec![0.0; model.spaces()[to].dimensions()];

@@ -10,13 +10,13 @@ use std::collections::VecDeque;
 pub struct Options {
     /// Maximum number of iterations. Default: 100.
     pub iterations: usize,
-    /// Number of stored steps. Default: 10.
+    /// Number of previous steps stored by L-BFGS. Default: 10.
     pub memory: usize,
-    /// Stops when no entry of the gradient is larger than this. Default: 1e-6.
+    /// Largest entry of the gradient at which the minimisation stops. Default: 1e-6.
     pub gradient: f64,
-    /// Stops when a step decreases the value by less than this fraction of the value. Default: 1e-10.
+    /// Relative decrease of the value in a step below which the minimisation stops. Default: 1e-10.
     pub improvement: f64,
-    /// Largest change of one variable in one step. Default: 2.
+    /// Maximum change of one variable in one step. Default: 2.
     pub step: f64,
 }
 
@@ -26,14 +26,14 @@ impl Default for Options {
     }
 }
 
-/// The result of [`minimise`].
+/// Result of [`minimise`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Minimum {
-    /// The smallest value found.
+    /// Smallest value found.
     pub value: f64,
     /// Number of iterations.
     pub iterations: usize,
-    /// Number of calls of the function.
+    /// Number of evaluations of the function.
     pub evaluations: usize,
 }
 
@@ -47,11 +47,11 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// Minimises `function` starting at `x`, and stores the best point found in `x`.
+/// Minimises `function` by L-BFGS, starting at `x`, and writes the best point found to `x`.
 ///
-/// `function` writes the gradient at its first argument to its second and returns the value. A non-finite
-/// value marks a point outside the domain, from which the line search backtracks. If the initial value is not
-/// finite, `x` is unchanged.
+/// `function` receives a point, writes the gradient to its second argument and returns the value. A
+/// non-finite value marks a point outside the domain, from which the line search backtracks. If the initial
+/// value is not finite, `x` is unchanged.
 pub fn minimise(
     x: &mut [f64],
     options: &Options,

@@ -68,7 +68,7 @@ const ROUND: [u32; 64] = [
     0xc671_78f2,
 ];
 
-/// Returns the SHA-256 of the bytes as 64 hexadecimal digits.
+/// Returns the SHA-256 digest of `bytes` as 64 hexadecimal digits.
 ///
 /// ```
 /// let digits = motorium_models::sha256::sha256_hex(b"abc");

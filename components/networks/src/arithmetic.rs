@@ -24,42 +24,43 @@ pub trait Real:
 {
     /// Rounds `value` to this type.
     fn from_f64(value: f64) -> Self;
-    /// Widens to `f64`.
+    /// Converts to `f64` without rounding.
     fn to_f64(self) -> f64;
-    /// Widens `value` to this type.
+    /// Converts `value` to this type without rounding.
     fn from_f32(value: f32) -> Self;
-    /// `self * a + b`, rounded once.
+    /// Returns `self * a + b`, rounded once.
     #[must_use]
     fn mul_add(self, a: Self, b: Self) -> Self;
-    /// `exp(self)`; saturates at the largest finite power instead of overflowing for `f32`.
+    /// Returns `exp(self)`. For `f32` the result saturates at the largest finite power instead of
+    /// overflowing.
     #[must_use]
     fn exp(self) -> Self;
-    /// `exp(self) - 1`, accurate near 0.
+    /// Returns `exp(self) - 1`, accurate near 0.
     #[must_use]
     fn exp_m1(self) -> Self;
-    /// Hyperbolic tangent.
+    /// Returns the hyperbolic tangent.
     #[must_use]
     fn tanh(self) -> Self;
-    /// `ln(1 + self)`.
+    /// Returns `ln(1 + self)`.
     #[must_use]
     fn ln_1p(self) -> Self;
-    /// Square root.
+    /// Returns the square root.
     #[must_use]
     fn sqrt(self) -> Self;
-    /// `self` to the power of `exponent`.
+    /// Returns `self` to the power of `exponent`.
     #[must_use]
     fn powf(self, exponent: Self) -> Self;
-    /// The maximum; the other number if one is NaN.
+    /// Returns the larger number. If one number is NaN, returns the other.
     #[must_use]
     fn max(self, other: Self) -> Self;
-    /// `1 / (1 + exp(-self))`.
+    /// Returns `1 / (1 + exp(-self))`.
     #[must_use]
     #[inline(always)]
     fn sigmoid(self) -> Self {
         let one = Self::from_f64(1.0);
         one / (one + (-self).exp())
     }
-    /// The larger number; `other` if `self` is NaN.
+    /// Returns the larger number. If `self` is NaN, returns `other`.
     #[must_use]
     #[inline(always)]
     fn larger(self, other: Self) -> Self {
@@ -70,7 +71,7 @@ pub trait Real:
     fn is_nan(self) -> bool {
         self.partial_cmp(&self).is_none()
     }
-    /// The absolute value.
+    /// Returns the absolute value.
     #[must_use]
     #[inline(always)]
     fn magnitude(self) -> Self {
@@ -156,21 +157,21 @@ impl Real for f64 {
     inherent!(mul_add(a, b), exp(), exp_m1(), tanh(), ln_1p(), sqrt(), powf(exponent), max(other));
 }
 
-/// A scalar type with vectors.
+/// A scalar type with SIMD vectors.
 pub trait Lanes: Real + Send + Sync + 'static {
     /// A vector of the instruction set `S`.
     type Vector<S: Simd>: Copy;
     /// Numbers in a cache line of 64 bytes.
     const LINE: usize = 64 / size_of::<Self>();
-    /// Returns the numbers as vectors, without a remainder shorter than a vector.
+    /// Returns the numbers as vectors; a remainder shorter than a vector is omitted.
     fn vectors<S: Simd>(numbers: &[Self]) -> &[Self::Vector<S>];
-    /// Returns the numbers as writable vectors, without a remainder shorter than a vector.
+    /// Returns the numbers as writable vectors; a remainder shorter than a vector is omitted.
     fn vectors_mut<S: Simd>(numbers: &mut [Self]) -> &mut [Self::Vector<S>];
-    /// Number of lanes of a vector.
+    /// Returns the number of lanes of a vector.
     fn lanes<S: Simd>() -> usize;
-    /// A vector with `self` in every lane.
+    /// Returns a vector with `self` in every lane.
     fn splat<S: Simd>(self, simd: S) -> Self::Vector<S>;
-    /// `a * b + c` in every lane, rounded once.
+    /// Returns `a * b + c` in every lane, rounded once.
     fn mul_add_vectors<S: Simd>(
         simd: S,
         a: Self::Vector<S>,

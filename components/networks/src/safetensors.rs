@@ -9,18 +9,18 @@ use crate::arithmetic::Real;
 /// A tensor, in single precision unless another scalar type is chosen.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tensor<T = f32> {
-    /// Length along each axis.
+    /// Length of each axis.
     pub shape: Vec<usize>,
-    /// The numbers, the last axis fastest.
+    /// Values, the last axis varying fastest.
     pub values: Vec<T>,
 }
 
-/// The content of a file.
+/// Content of a safetensors file.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Tensors<T = f32> {
     /// Tensors by name.
     pub tensors: BTreeMap<String, Tensor<T>>,
-    /// Text by name, such as the name of the task.
+    /// Text entries by name, such as the name of the task.
     pub metadata: BTreeMap<String, String>,
 }
 
@@ -29,12 +29,12 @@ pub struct Tensors<T = f32> {
 pub enum SafetensorsError {
     /// The file ends within its header.
     #[error(
-        "{found} bytes, expected a header of {expected} bytes and eight for its length; is it a safetensors file?"
+        "the file has {found} bytes, expected a header of {expected} bytes and 8 bytes for its length; is it a safetensors file?"
     )]
     Short {
-        /// Bytes of the file.
+        /// Length of the file in bytes.
         found: usize,
-        /// Bytes of the header according to the file.
+        /// Length of the header in bytes, as stated in the file.
         expected: u64,
     },
     /// The header is invalid.
@@ -47,7 +47,7 @@ pub enum SafetensorsError {
     Type {
         /// Name of the tensor.
         name: String,
-        /// Type found.
+        /// Number type found.
         found: String,
     },
     /// The byte range does not match the tensor.
@@ -55,11 +55,11 @@ pub enum SafetensorsError {
     Bytes {
         /// Name of the tensor.
         name: String,
-        /// First byte.
+        /// Start of the byte range.
         from: usize,
         /// End of the byte range, exclusive.
         to: usize,
-        /// Bytes of numbers in the file.
+        /// Length of the file's data section in bytes.
         size: usize,
         /// Number of bytes required by its shape.
         expected: usize,
@@ -83,7 +83,7 @@ struct Entry {
     data_offsets: [usize; 2],
 }
 
-/// Widens an IEEE half.
+/// Converts the bits of an IEEE half-precision number to `f32`.
 pub fn half(bits: u16) -> f32 {
     let (sign, exponent, fraction) = (bits >> 15, (bits >> 10) & 31, bits & 1023);
     let value = match exponent {
@@ -95,16 +95,16 @@ pub fn half(bits: u16) -> f32 {
     if sign == 1 { -value } else { value }
 }
 
-/// Widens the upper half of an `f32`.
+/// Converts the bits of a bfloat16 number to `f32`.
 pub fn brain_half(bits: u16) -> f32 {
     f32::from_bits(u32::from(bits) << 16)
 }
 
-/// Reads all tensors of a file; numbers of another type, `F64`, `F32`, `F16` or `BF16`, are converted.
+/// Reads all tensors of a file. Numbers of type `F64`, `F32`, `F16` or `BF16` are converted to `T`.
 ///
 /// # Errors
 ///
-/// [`SafetensorsError`].
+/// [`SafetensorsError`] if the file is invalid.
 pub fn read<T: Real>(bytes: &[u8]) -> Result<Tensors<T>, SafetensorsError> {
     let short = |expected| SafetensorsError::Short { found: bytes.len(), expected };
     let (length, rest) = bytes.split_first_chunk::<8>().ok_or(short(0))?;

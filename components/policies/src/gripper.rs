@@ -7,17 +7,17 @@ use motorium_robots::{EndEffectorError, Loaded};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-/// A goal of a gripper.
+/// Goal of a gripper.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize, JsonSchema)]
 #[serde(untagged, expecting = "expected \"open\", \"close\", or a position of the fingers' joints")]
 pub enum Gripper {
-    /// Fully open or closed.
+    /// Fully open or fully closed.
     End(GripperEnd),
     /// Position of every joint of the fingers, rad or m.
     Position(f64),
 }
 
-/// An end of the range of a gripper.
+/// End of the range of a gripper.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum GripperEnd {
@@ -30,9 +30,9 @@ pub enum GripperEnd {
 
 /// Error of a text that is not a gripper goal.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("`{found}`: expected `open`, `close`, or a position of the fingers' joints in rad or m")]
+#[error("found `{found}`, expected `open`, `close`, or a position of the fingers' joints in rad or m")]
 pub struct GripperTextError {
-    /// The text.
+    /// Text found.
     pub found: String,
 }
 
@@ -61,21 +61,21 @@ pub enum GripperError {
         /// Name of the robot in its file.
         robot: String,
     },
-    /// A position outside of a joint's range.
+    /// The position is outside of a joint's range.
     #[error("finger `{joint}` at {position}, outside of its range {lower} to {upper}")]
     OutsideRange {
-        /// The joint.
+        /// Name of the joint.
         joint: String,
-        /// The position, rad or m.
+        /// Position found, rad or m.
         position: f64,
-        /// Lower limit, rad or m.
+        /// Lower limit of the joint, rad or m.
         lower: f64,
-        /// Upper limit, rad or m.
+        /// Upper limit of the joint, rad or m.
         upper: f64,
     },
 }
 
-/// The fingers of an end effector.
+/// Fingers of an end effector.
 ///
 /// ```
 /// use motorium_policies::{Fingers, Gripper};
@@ -103,10 +103,11 @@ struct Finger {
 }
 
 impl Fingers {
-    /// Returns the fingers of the end effector with this frame, or of the only end effector.
+    /// Returns the fingers of the end effector with the frame `frame`, or by default of the robot's only end
+    /// effector.
     ///
     /// # Errors
-    /// If the end effector does not exist or has no fingers.
+    /// [`GripperError`] if the end effector does not exist or has no fingers.
     pub fn of_robot(robot: &Loaded, frame: Option<&str>) -> Result<Self, GripperError> {
         let model = &robot.model;
         let id = robot.end_effector(frame)?;
@@ -132,10 +133,10 @@ impl Fingers {
         }
     }
 
-    /// Returns the index of each finger's joint and its position at a goal, rad or m.
+    /// Returns the index of each finger's joint with its position for a goal, rad or m.
     ///
     /// # Errors
-    /// If the position is outside of a joint's range.
+    /// [`GripperError`] if the position is outside of a joint's range.
     pub fn positions(&self, goal: Gripper) -> Result<impl Iterator<Item = (usize, f64)>, GripperError> {
         let position = move |finger: &Finger| match goal {
             Gripper::End(GripperEnd::Open) => finger.open,

@@ -63,7 +63,7 @@ pub use promp::ProMpPolicy;
 pub use trajectory::{HomePolicy, TrajectoryPolicy};
 pub use waypoints::WaypointsPolicy;
 
-/// Returns the component kinds of this crate, for a program that hosts them.
+/// Returns the component kinds of this crate, to be registered by a host program.
 ///
 /// ```
 /// let names: Vec<_> = motorium_policies::kinds().iter().map(|kind| kind.name).collect();

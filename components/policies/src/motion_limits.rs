@@ -11,18 +11,18 @@ const TO_SPEED: f64 = 0.5;
 /// Time to reach the acceleration limit if no jerk limit is specified, s.
 const TO_ACCELERATION: f64 = 0.05;
 
-/// Limits of a motion: one number for all joints, or one for each.
+/// Limits of a motion: one number for all joints, or one per joint.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct MotionLimitsConfig {
-    /// Velocity, rad/s or m/s. Default: the limit of the robot's model.
+    /// Maximum velocity, rad/s or m/s. Default: the limit of the robot's model.
     pub velocity: Option<PerJoint>,
-    /// Acceleration, rad/s^2 or m/s^2. Default: the limit of the robot's profile, or the value that reaches
-    /// the velocity limit in half a second.
+    /// Maximum acceleration, rad/s^2 or m/s^2. Default: the limit of the robot's profile, or the value that
+    /// reaches the velocity limit in half a second.
     pub acceleration: Option<PerJoint>,
-    /// Jerk, rad/s^3 or m/s^3. Default: the value that reaches the acceleration limit in 50 ms.
+    /// Maximum jerk, rad/s^3 or m/s^3. Default: the value that reaches the acceleration limit in 50 ms.
     pub jerk: Option<PerJoint>,
-    /// Fraction of all limits that is used, above 0 to 1. Default 0.9.
+    /// Fraction of all limits that is used, above 0, at most 1. Default 0.9.
     pub fraction: f64,
 }
 

@@ -37,15 +37,15 @@ use motorium_robots::PerJoint;
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ProMpPolicyConfig {
-    /// The primitives from which the parameter `primitive` selects: files written by `motorium primitive
-    /// fit`, recordings (`.csv`, `.jsonl`, `.mcap`) or tables. Files are relative to the graph file.
-    /// Recordings are followed exactly.
+    /// Primitives from which the parameter `primitive` selects one: paths of files written by `motorium
+    /// primitive fit`, paths of recordings (`.csv`, `.jsonl`, `.mcap`), or tables. Paths are relative to the
+    /// graph file. Recordings are followed exactly.
     pub primitives: Vec<ProMpSource>,
-    /// The moved joints, in the order of the primitive's dimensions. Default: the joints named by the columns
-    /// of a recording, else all joints in order.
+    /// Names of the moved joints, in the order of the primitive's dimensions. Default: the joints named by
+    /// the columns of a recording, otherwise all joints in order.
     #[serde(default)]
     pub joints: Option<Vec<String>>,
-    /// Via points.
+    /// Via points that the movement passes.
     #[serde(default)]
     pub via: Vec<ViaConfig>,
     /// Duration of a movement, such as "2 s". Default: the duration of the demonstrations.
@@ -54,11 +54,10 @@ pub struct ProMpPolicyConfig {
     /// Time to stay at the end of a movement, such as "500 ms". Default 0.
     #[serde(default)]
     pub dwell: TimeSpan,
-    /// Behaviour after a movement: "once" stays at its end, "forever" starts the next.
+    /// Behaviour after a movement: "once" stays at its end, "forever" starts the next movement.
     #[serde(default)]
     pub repeat: Repeat,
-    /// Gravity in the world frame, m/s^2. Default: the gravity of the graph's world, 9.81 downwards without
-    /// one.
+    /// Gravity in the world frame, m/s^2. Default: gravity of the graph's world, or 9.81 downwards.
     #[serde(default = "earth")]
     pub gravity: [f64; 3],
     /// Gains, easing and feed-forward of joint commands.
@@ -70,9 +69,9 @@ pub struct ProMpPolicyConfig {
 #[derive(Debug, Clone, JsonSchema)]
 #[schemars(untagged)]
 pub enum ProMpSource {
-    /// A file, relative to the graph file.
+    /// Path of a file, relative to the graph file.
     File(#[schemars(extend("format" = "path"))] String),
-    /// The primitive itself.
+    /// A probabilistic primitive, given in full.
     Table(StoredProMp),
 }
 
@@ -82,15 +81,15 @@ impl<'de> Deserialize<'de> for ProMpSource {
     }
 }
 
-/// A via point.
+/// A point that the movement passes.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ViaConfig {
-    /// Phase: 0 at the start of the movement, 1 at its end.
+    /// Phase at which the point is passed: 0 at the start of the movement, 1 at its end.
     pub at: f64,
-    /// Positions of the moved joints, rad or m: one number for all, or one for each.
+    /// Positions of the moved joints, rad or m: one number for all joints, or one per joint.
     pub position: PerJoint,
-    /// Standard deviation at the via point, rad or m. Default 0.001.
+    /// Standard deviation of the positions at the via point, rad or m. Default 0.001.
     #[serde(default = "precise")]
     pub deviation: f64,
 }
@@ -99,11 +98,11 @@ fn precise() -> f64 {
     1e-3
 }
 
-/// Moves joints along the mean of a probabilistic, kernelised or polynomial primitive, or along a recording.
-/// Probabilistic and kernelised primitives are conditioned on the via points.
+/// A policy that moves joints along the mean of a probabilistic, kernelised or polynomial primitive, or along
+/// a recording. Probabilistic and kernelised primitives are conditioned on the via points.
 ///
 /// A movement starts with the first joint state, at the robot's current position; the initial offset from the
-/// primitive fades out along the movement. The parameter `primitive` changes the primitive with the next
+/// primitive fades out along the movement. A change of the parameter `primitive` takes effect with the next
 /// movement, without a discontinuity; `speed` scales time.
 #[derive(Debug)]
 pub struct ProMpPolicy {

@@ -11,11 +11,11 @@ use crate::mean::MeanMovement;
 use crate::promp::{ProMp, ProMpMean};
 use crate::regression::PolynomialMovement;
 
-/// Content of a primitive file: one JSON object.
+/// Content of a primitive file, stored as one JSON object.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PrimitiveFile {
-    /// Version of this layout: [`PrimitiveFile::VERSION`].
+    /// Version of the file format, [`PrimitiveFile::VERSION`].
     pub version: u32,
     /// Name of every dimension.
     pub names: Vec<String>,
@@ -29,11 +29,11 @@ pub struct PrimitiveFile {
     pub goal: Vec<f64>,
     /// Velocity at the goal, per second.
     pub final_velocity: Vec<f64>,
-    /// The primitive.
+    /// The primitive itself.
     pub primitive: Primitive,
 }
 
-/// Kinds of primitives in files.
+/// Primitive of any kind that a file can contain.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Primitive {
@@ -45,7 +45,7 @@ pub enum Primitive {
     Probabilistic(ProMp),
     /// A kernelised movement primitive.
     Kernelised(KernelisedMovement),
-    /// Polynomials of the phase.
+    /// A movement whose dimensions are polynomials of the phase.
     Polynomial(PolynomialMovement),
 }
 
@@ -61,7 +61,7 @@ impl Primitive {
         }
     }
 
-    /// Number of dimensions.
+    /// Returns the number of dimensions.
     pub fn dimensions(&self) -> usize {
         match self {
             Self::Discrete(model) => model.dimensions(),
@@ -72,8 +72,8 @@ impl Primitive {
         }
     }
 
-    /// Returns the mean of the primitive over the phase; `None` for primitives that are differential
-    /// equations.
+    /// Returns the mean of the primitive as a function of the phase; `None` for primitives that are
+    /// differential equations.
     pub fn mean(&self) -> Option<Box<dyn MeanMovement + Send>> {
         match self {
             Self::Discrete(_) | Self::Rhythmic(_) => None,
@@ -85,13 +85,13 @@ impl Primitive {
     }
 }
 
-/// An error of reading or writing a file.
+/// Error of reading or writing a primitive file.
 #[derive(Debug, thiserror::Error)]
 pub enum PrimitiveFileError {
     /// The file cannot be read or written.
     #[error("{}: {source}", path.display())]
     System {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
         /// Error of the operating system.
         source: std::io::Error,
@@ -99,29 +99,29 @@ pub enum PrimitiveFileError {
     /// The file is not a movement primitive.
     #[error("{}: the file is not a movement primitive; `motorium primitive fit` makes one from recordings", path.display())]
     Foreign {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
     },
     /// The primitive does not parse.
     #[error("{}: {source}", path.display())]
     Text {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// Syntax error with its position.
+        /// Syntax error with its location.
         source: serde_json::Error,
     },
-    /// The file has another version.
+    /// The file has an unsupported version.
     #[error("{}: version {found}, but this program reads version {}: fit it again", path.display(), PrimitiveFile::VERSION)]
     Version {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// The version found.
+        /// Version found.
         found: u32,
     },
     /// Lists differ in length, or a number is invalid.
     #[error("{}: {message}", path.display())]
     Content {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
         /// Description of the contradiction.
         message: String,
@@ -129,7 +129,7 @@ pub enum PrimitiveFileError {
 }
 
 impl PrimitiveFile {
-    /// Version of the layout that this program reads and writes.
+    /// Version of the file format that this program reads and writes.
     pub const VERSION: u32 = 1;
 
     /// Creates a discrete primitive with the mean start, goal, velocities and duration of at least one
@@ -152,8 +152,8 @@ impl PrimitiveFile {
         }
     }
 
-    /// Creates a rhythm of `period` seconds with the mean start and start velocity of the periods it was
-    /// fitted to (at least one; samples x dimensions, without the closing sample).
+    /// Creates a rhythm of `period` seconds. Start and start velocity are means over the periods to which the
+    /// model was fitted: at least one, each samples x dimensions without the closing sample.
     pub fn rhythmic(names: Vec<String>, period: f64, periods: &[DMatrix<f64>], model: RhythmicModel) -> Self {
         let count = periods.len().max(1) as f64;
         let mean = |value: &dyn Fn(&DMatrix<f64>, usize) -> f64| -> Vec<f64> {
@@ -187,7 +187,7 @@ impl PrimitiveFile {
     /// Creates a kernelised primitive with the start, goal and velocities of its mean.
     ///
     /// # Errors
-    /// A matrix is not positive definite.
+    /// [`KmpError`] if a matrix is not positive definite.
     pub fn kernelised(names: Vec<String>, movement: KernelisedMovement) -> Result<Self, KmpError> {
         Ok(Self::of_mean(names, movement.running()?, Primitive::Kernelised(movement)))
     }
@@ -222,7 +222,8 @@ impl PrimitiveFile {
     /// Reads a file and checks its consistency.
     ///
     /// # Errors
-    /// The file cannot be read, is truncated or malformed, has another version, or contradicts itself.
+    /// [`PrimitiveFileError`] if the file cannot be read, is truncated or malformed, has another version, or
+    /// contradicts itself.
     pub fn read(path: &Path) -> Result<Self, PrimitiveFileError> {
         let system = |source| PrimitiveFileError::System { path: path.into(), source };
         // Devices and pipes are rejected: they may never end.
@@ -250,7 +251,7 @@ impl PrimitiveFile {
             if values.len() != expected {
                 let found = values.len();
                 return Err(content(format!(
-                    "`{name}` has {found} entries, the primitive {expected} dimensions"
+                    "`{name}` has {found} entries, expected {expected}, one per dimension of the primitive"
                 )));
             }
         }
@@ -267,7 +268,7 @@ impl PrimitiveFile {
     /// Writes the file atomically.
     ///
     /// # Errors
-    /// The operating system rejects the operation.
+    /// [`PrimitiveFileError`] if the operating system rejects the operation.
     pub fn write(&self, path: &Path) -> Result<(), PrimitiveFileError> {
         let text = serde_json::to_string(self)
             .map_err(|source| PrimitiveFileError::Text { path: path.into(), source })?;

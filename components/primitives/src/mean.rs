@@ -3,18 +3,18 @@
 use crate::ValueError;
 use crate::dmp::{Jet, Quintic};
 
-/// A movement over the phase (0 at the start, 1 at the end) with a known mean:
+/// A movement with a known mean as a function of the phase (0 at the start, 1 at the end):
 /// [`ProMp`](crate::promp::ProMp), [`KernelisedMovement`](crate::kmp::KernelisedMovement),
 /// [`PolynomialMovement`](crate::regression::PolynomialMovement).
 pub trait MeanMovement: std::fmt::Debug {
-    /// Number of dimensions.
+    /// Returns the number of dimensions.
     fn dimensions(&self) -> usize;
 
-    /// Duration of the movement, s.
+    /// Returns the duration of the movement, s.
     fn duration(&self) -> f64;
 
-    /// Writes the mean and its derivative with respect to the phase, at a phase from 0 to 1, one entry per
-    /// dimension. Does not allocate.
+    /// Writes the mean position and its derivative with respect to the phase, at a phase from 0 to 1, one
+    /// entry per dimension. Does not allocate.
     fn mean_into(&mut self, phase: f64, position: &mut [f64], slope: &mut [f64]);
 }
 
@@ -32,10 +32,10 @@ impl<M: MeanMovement + ?Sized> MeanMovement for Box<M> {
     }
 }
 
-/// Follower of a mean over time. Only [`new`](Self::new) allocates.
+/// A follower that executes the mean of a movement over time. Only [`new`](Self::new) allocates.
 ///
 /// The initial difference in position and velocity decays on a quintic over the first part of the movement,
-/// so the transition to the mean has no jump. To pass a given position later, condition the movement.
+/// so the transition to the mean is smooth. To pass a given position later, condition the movement.
 ///
 /// ```
 /// use motorium_primitives::mean::MeanRunner;
@@ -84,7 +84,7 @@ impl<M: MeanMovement> MeanRunner<M> {
         runner
     }
 
-    /// The movement it follows.
+    /// Returns the movement that is followed.
     pub fn movement(&self) -> &M {
         &self.movement
     }
@@ -95,10 +95,10 @@ impl<M: MeanMovement> MeanRunner<M> {
         &mut self.movement
     }
 
-    /// Starts from a position with a velocity (per second) and lasts `duration` seconds.
+    /// Starts at a position with a velocity (per second). The movement lasts `duration` seconds.
     ///
     /// # Errors
-    /// A length is wrong, a number is not finite, or the duration is not positive.
+    /// [`ValueError`] if a length is wrong, a number is not finite, or the duration is not positive.
     pub fn start(&mut self, position: &[f64], velocity: &[f64], duration: f64) -> Result<(), ValueError> {
         let expected = self.position.len();
         for (name, values) in [("the position", position), ("the velocity", velocity)] {
@@ -125,7 +125,7 @@ impl<M: MeanMovement> MeanRunner<M> {
         Ok(())
     }
 
-    /// Advances by `dt` seconds; the state is constant after the end.
+    /// Advances by `dt` seconds. After the end the state is constant.
     pub fn step(&mut self, dt: f64) {
         if dt > 0.0 {
             self.elapsed += dt;
@@ -133,22 +133,22 @@ impl<M: MeanMovement> MeanRunner<M> {
         }
     }
 
-    /// Position in every dimension.
+    /// Returns the position in every dimension.
     pub fn position(&self) -> &[f64] {
         &self.position
     }
 
-    /// Velocity in every dimension, per second.
+    /// Returns the velocity in every dimension, per second.
     pub fn velocity(&self) -> &[f64] {
         &self.velocity
     }
 
-    /// Elapsed time over duration.
+    /// Returns the elapsed time divided by the duration.
     pub fn progress(&self) -> f64 {
         self.elapsed / self.duration
     }
 
-    /// Returns `true` after the duration of the movement.
+    /// Returns `true` if the duration of the movement has elapsed.
     pub fn is_over(&self) -> bool {
         // sums of time steps are rounded
         self.progress() >= 1.0 - 1e-9

@@ -32,7 +32,7 @@ use crate::mean::MeanMovement;
 use crate::promp::{ProMp, ProMpError, ProMpMean};
 use crate::regression::PolynomialMovement;
 
-/// Values that replace the demonstrated ones; `None` keeps the demonstrated value.
+/// Values that replace the demonstrated values; `None` keeps the demonstrated value.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Override {
     /// Start, one entry per dimension.
@@ -47,11 +47,11 @@ pub struct Override {
     pub via: Vec<ViaPoint>,
     /// Number of periods of a rhythm. Default 2.
     pub periods: Option<f64>,
-    /// Factor on the amplitude of a rhythm. Default 1.
+    /// Factor applied to the amplitude of a rhythm. Default 1.
     pub amplitude: Option<f64>,
 }
 
-/// A point that a probabilistic primitive is conditioned on.
+/// A point to which a probabilistic primitive is conditioned.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ViaPoint {
     /// Phase, 0 at the start and 1 at the end.
@@ -78,11 +78,11 @@ pub struct Trajectory {
     pub deviation: Option<Vec<Vec<f64>>>,
 }
 
-/// An error of [`roll_out`].
+/// Error of [`roll_out`].
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum RolloutError {
     /// The kind of primitive does not support the override.
-    #[error("a {kind} primitive has {has}: no {lacks}")]
+    #[error("a {kind} primitive accepts {has}, but no {lacks}")]
     Override {
         /// Kind of the primitive.
         kind: &'static str,
@@ -100,8 +100,8 @@ pub enum RolloutError {
     /// The kernelised primitive cannot be conditioned.
     #[error(transparent)]
     Kmp(#[from] KmpError),
-    /// The distribution cannot pass a position, because the demonstrations do not vary enough or other
-    /// positions contradict it.
+    /// The movement misses a via point, because the demonstrations do not vary enough or other via points
+    /// contradict it.
     #[error(
         "at phase {phase}, dimension {dimension}, the movement passes {reached:.4}, expected {wanted} within three times the deviation {deviation}: the demonstrations \
          do not vary enough there, or other via points contradict it; move the via point, or give it a larger deviation (`--via P:X:DEVIATION`)"
@@ -111,7 +111,7 @@ pub enum RolloutError {
         phase: f64,
         /// Index of the dimension.
         dimension: usize,
-        /// Position of the movement.
+        /// Position reached by the movement.
         reached: f64,
         /// Position of the via point.
         wanted: f64,
@@ -139,7 +139,8 @@ pub const MAX_SAMPLES: f64 = 1e7;
 /// Runs a primitive and samples it every `interval` seconds.
 ///
 /// # Errors
-/// An override is unsupported or out of range, or there are more than [`MAX_SAMPLES`] samples.
+/// [`RolloutError`] if an override is unsupported or out of range, or there are more than [`MAX_SAMPLES`]
+/// samples.
 pub fn roll_out(
     file: &PrimitiveFile,
     overrides: &Override,
@@ -154,10 +155,11 @@ pub fn roll_out(
     }
 }
 
-/// Reproduces each demonstration: from its start (and to its goal, if the primitive is discrete), with its
-/// duration and number of samples.
+/// Reproduces each demonstration with its duration and number of samples: from its start and, if the
+/// primitive is discrete, to its goal.
 ///
-/// `demonstrations` are durations (s) with positions (samples x dimensions); for a rhythm, one period each.
+/// `demonstrations` contains durations (s) with positions (samples x dimensions); for a rhythm, one period
+/// each.
 ///
 /// # Errors
 /// Same as [`roll_out`].

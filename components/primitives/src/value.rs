@@ -6,27 +6,27 @@ pub enum ValueError {
     /// A number is outside the valid range of the equations.
     #[error("{name} = {value}: expected {expected}")]
     OutOfRange {
-        /// The quantity.
+        /// Name of the quantity.
         name: &'static str,
         /// Value found.
         value: f64,
-        /// Range expected.
+        /// Description of the valid range.
         expected: &'static str,
     },
-    /// A vector or matrix of the wrong size.
+    /// A vector or matrix has the wrong size.
     #[error("{name} has {found} entries, expected {expected}")]
     Size {
-        /// The quantity.
+        /// Name of the quantity.
         name: &'static str,
-        /// Value found.
+        /// Size found.
         found: usize,
-        /// Value expected.
+        /// Size expected.
         expected: usize,
     },
-    /// NaN or an infinite value.
-    #[error("{name} holds {value}, expected finite numbers only")]
+    /// A number is NaN or infinite.
+    #[error("{name} contains {value}, expected only finite numbers")]
     NotFinite {
-        /// The quantity.
+        /// Name of the quantity.
         name: &'static str,
         /// Value found.
         value: f64,

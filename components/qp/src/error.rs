@@ -28,17 +28,17 @@ impl fmt::Display for Constraint {
     }
 }
 
-/// The constraints that dominate a certificate of infeasibility, strongest first.
+/// The constraints with the largest multipliers in a certificate of infeasibility, strongest first.
 ///
-/// A certificate is a combination of constraints that no `x` satisfies; those with the largest multipliers
-/// (after scaling each row to unit size) are the ones to relax.
+/// A certificate is a combination of constraints that no `x` satisfies. The constraints with the largest
+/// multipliers (after scaling each row to unit size) are the ones to relax.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Conflict {
     constraints: [Option<Constraint>; Self::CAPACITY],
 }
 
 impl Conflict {
-    /// Largest number of constraints in a conflict.
+    /// Maximum number of constraints in a conflict.
     pub const CAPACITY: usize = 4;
 
     /// Collects up to [`Conflict::CAPACITY`] constraints, strongest first.
@@ -73,11 +73,11 @@ impl fmt::Display for Conflict {
 pub enum UpdateError {
     /// A matrix or vector does not have the size required by the structure.
     #[error(
-        "{what} is {}x{}, the solver was built for {}x{}; build a solver for the new structure",
+        "{what} is {}x{}, expected {}x{} as in the solver's structure; build a solver for the new structure",
         found.0, found.1, expected.0, expected.1
     )]
     Shape {
-        /// The matrix or vector, by its letter in the problem statement.
+        /// Letter of the matrix or vector in the problem statement.
         what: &'static str,
         /// Rows and columns found.
         found: (usize, usize),
@@ -89,33 +89,33 @@ pub enum UpdateError {
         "{what}[{row}, {column}] is {value}, expected a finite number; check the robot state and the targets"
     )]
     NotFinite {
-        /// The matrix or vector, by its letter in the problem statement.
+        /// Letter of the matrix or vector in the problem statement.
         what: &'static str,
-        /// Row of the number.
+        /// Row of the invalid entry.
         row: usize,
-        /// Column of the number.
+        /// Column of the invalid entry.
         column: usize,
-        /// The number.
+        /// Value of the entry.
         value: f64,
     },
     /// The lower bound exceeds the upper bound, or a bound is unsatisfiable.
     #[error("{constraint}: {lower} <= ... <= {upper} has no solution; expected lower <= upper")]
     Crossed {
-        /// The constraint, named by its lower side.
+        /// The constraint, with its lower side.
         constraint: Constraint,
         /// Lower bound.
         lower: f64,
         /// Upper bound.
         upper: f64,
     },
-    /// A finite bound on a side that the structure does not declare.
+    /// A bound is finite on a side that the structure does not declare.
     #[error(
-        "{constraint} is {value}, but the structure has no bound there; declare the side in the structure"
+        "{constraint} is {value}, but the structure declares no bound on this side; declare the side in the structure"
     )]
     Undeclared {
         /// The constraint.
         constraint: Constraint,
-        /// Finite value of the bound.
+        /// Value of the bound.
         value: f64,
     },
 }
@@ -126,13 +126,13 @@ pub enum SolveError {
     /// No `x` satisfies the constraints.
     #[error("infeasible: no x satisfies all constraints; conflict between {conflict}; relax one of them")]
     Infeasible {
-        /// The constraints that dominate the certificate.
+        /// The constraints that contradict each other.
         conflict: Conflict,
     },
     /// The cost decreases forever along a direction that no constraint blocks.
     #[error("unbounded: the cost decreases forever along variable {variable}; regularise it or bound it")]
     Unbounded {
-        /// The variable with the largest share in that direction.
+        /// The variable that changes most along that direction.
         variable: usize,
     },
     /// The cost is not convex: it has negative curvature along a direction.
@@ -141,19 +141,19 @@ pub enum SolveError {
         .variable + 1, .variable + 1
     )]
     NotConvex {
-        /// The variable at whose row the factorisation stopped.
+        /// Variable at whose row the factorisation stopped.
         variable: usize,
     },
     /// The iteration limit was reached.
     #[error("no solution within {iterations} iterations; scale the problem or raise the limit")]
     MaxIterations {
-        /// Number of iterations done.
+        /// Number of iterations performed.
         iterations: u32,
     },
     /// The arithmetic broke down or stopped making progress.
     #[error("numerical breakdown after {iterations} iterations; regularise or scale the problem")]
     Numerical {
-        /// Number of iterations done.
+        /// Number of iterations performed.
         iterations: u32,
     },
     /// The solver has no valid problem data.

@@ -14,8 +14,8 @@ pub struct KktResidual {
     pub stationarity: f64,
     /// Largest violation of an equality, a row or a bound.
     pub feasibility: f64,
-    /// Largest product of a multiplier with the distance to the side against which it presses; the multiplier
-    /// alone if that side is infinite.
+    /// Largest product of a multiplier and the distance to the side at which it acts, or the multiplier alone
+    /// if that side is infinite.
     pub complementarity: f64,
 }
 

@@ -7,29 +7,29 @@ use super::{Constraint, Side, Sides, Structure, UpdateError};
 /// Negative curvature of a Hessian, relative to its largest entry, that counts as rounding.
 pub(crate) const ROUNDING: f64 = 1e-9;
 
-/// The numbers of one quadratic program, overwritten in place each tick.
+/// The data of one quadratic program, overwritten in place each tick.
 ///
-/// The problem has `n` unknowns, `m` equalities and `p` rows. An absent bound is `-inf` or `+inf`, or any
-/// magnitude of [`Problem::INFINITE`] or more, the convention of most solvers.
+/// The problem has `n` unknowns, `m` equalities and `p` rows. An absent bound is `-inf` or `+inf`. As in most
+/// solvers, any magnitude of at least [`Problem::INFINITE`] also counts as infinite.
 #[derive(Clone, Debug)]
 pub struct Problem {
-    /// `P`, n x n, symmetric positive semi-definite. Only the upper triangle is read.
+    /// Cost matrix `P`, n x n, symmetric positive semi-definite. Only the upper triangle is read.
     pub hessian: DMatrix<f64>,
-    /// `q`, n.
+    /// Cost vector `q`, n entries.
     pub gradient: DVector<f64>,
-    /// `A`, m x n.
+    /// Equality matrix `A`, m x n.
     pub equality_matrix: DMatrix<f64>,
-    /// `b`, m.
+    /// Right-hand side `b` of the equalities, m entries.
     pub equality_value: DVector<f64>,
-    /// `G`, p x n.
+    /// Row matrix `G` of the two-sided inequalities, p x n.
     pub row_matrix: DMatrix<f64>,
-    /// `lg`, p.
+    /// Lower bounds `lg` of the rows, p entries.
     pub row_lower: DVector<f64>,
-    /// `ug`, p.
+    /// Upper bounds `ug` of the rows, p entries.
     pub row_upper: DVector<f64>,
-    /// `lb`, n.
+    /// Lower bounds `lb` of the variables, n entries.
     pub lower: DVector<f64>,
-    /// `ub`, n.
+    /// Upper bounds `ub` of the variables, n entries.
     pub upper: DVector<f64>,
 }
 

@@ -4,13 +4,13 @@ use nalgebra::DVector;
 
 use super::{Constraint, Side, Structure};
 
-/// Tolerances that a solution meets.
+/// Tolerances satisfied by a solution.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Accuracy {
-    /// The tolerances of the settings.
+    /// The solution satisfies the tolerances of the settings.
     #[default]
     Full,
-    /// Only the looser tolerances, because of rounding.
+    /// Because of rounding, the solution satisfies only looser tolerances.
     Reduced,
 }
 
@@ -22,20 +22,20 @@ pub enum Accuracy {
 pub struct Solution {
     /// The optimum.
     pub x: DVector<f64>,
-    /// `y`, one per equality.
+    /// Multipliers `y`, one per equality.
     pub equality_dual: DVector<f64>,
-    /// `z`, one per row of `G`.
+    /// Multipliers `z`, one per row of `G`.
     pub row_dual: DVector<f64>,
-    /// `w`, one per variable.
+    /// Multipliers `w`, one per variable.
     pub bound_dual: DVector<f64>,
     /// Number of iterations of the solve.
     pub iterations: u32,
-    /// Tolerances that the solution meets.
+    /// Tolerances satisfied by the solution.
     pub accuracy: Accuracy,
 }
 
 impl Solution {
-    /// Creates a solution of this structure with all numbers zero.
+    /// Creates a solution of this structure with all values zero.
     pub fn new(structure: &Structure) -> Self {
         Self {
             x: DVector::zeros(structure.variables()),

@@ -4,8 +4,8 @@ use super::{Problem, Solution, SolveError, Structure, UpdateError};
 
 /// A solver for one [`Structure`], reused for every tick.
 ///
-/// `update` sets the problem data, `solve` solves the problem set last. A solver may warm-start from the
-/// previous solution, but must reach the same optimum without it.
+/// `update` sets the problem data; `solve` solves that problem. A solver may warm-start from the previous
+/// solution, but must reach the same optimum without it.
 pub trait QpSolver: Send {
     /// Returns the structure for which this solver was built.
     fn structure(&self) -> &Structure;
@@ -26,6 +26,6 @@ pub trait QpSolver: Send {
     /// Returns the number of iterations of the last solve, successful or not.
     fn iterations(&self) -> u32;
 
-    /// Discards the previous solution. The next solve is bitwise equal to a new solver's.
+    /// Discards the previous solution. The next solve gives bitwise the same result as a new solver.
     fn reset(&mut self);
 }

@@ -6,9 +6,9 @@ use std::fmt;
 /// One side of a two-sided constraint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Side {
-    /// `l <= ...`
+    /// Lower side, `l <= ...`.
     Lower,
-    /// `... <= u`
+    /// Upper side, `... <= u`.
     Upper,
 }
 
@@ -18,7 +18,7 @@ impl fmt::Display for Side {
     }
 }
 
-/// The sides on which a row of `G` or a variable may ever be bounded.
+/// Sides on which a row of `G` or a variable can be bounded.
 ///
 /// A declared side may be infinite at some ticks. An undeclared side is not passed to the solver, and a
 /// finite bound on it is an error.
@@ -42,7 +42,7 @@ impl Sides {
     }
 }
 
-/// Dimensions of a quadratic program and the sides on which it may be bounded.
+/// Dimensions of a quadratic program and the declared sides of its bounds.
 ///
 /// ```
 /// use motorium_qp::{Sides, Structure};
@@ -64,7 +64,7 @@ impl Structure {
         Self { variables, equalities: 0, rows: Vec::new(), bounds: vec![Sides::Neither; variables] }
     }
 
-    /// Sets the number of equalities, the rows of `A`.
+    /// Sets the number of equalities (rows of `A`).
     #[must_use]
     pub fn equalities(mut self, count: usize) -> Self {
         self.equalities = count;
@@ -78,7 +78,7 @@ impl Structure {
         self
     }
 
-    /// Declares `sides` for every variable.
+    /// Declares `sides` for all variables.
     #[must_use]
     pub fn bounds(mut self, sides: Sides) -> Self {
         self.bounds.fill(sides);

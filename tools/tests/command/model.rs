@@ -86,7 +86,7 @@ default_pose = [1.0, 0.0]
     write("policy.toml", text.as_bytes());
     network(8);
     let found = error(&[]);
-    assert!(found.contains("the first input is [1, 8], expected 7 numbers in a row"), "{found}");
+    assert!(found.contains("the first input has the shape [1, 8], expected one row of 7 numbers"), "{found}");
     write("policy.toml", text.replace("rate", "rates").as_bytes());
     let found = error(&[]);
     assert!(found.contains("line 3, column 1: unknown field `rates`"), "{found}");
@@ -142,7 +142,7 @@ fn mjlab_file_becomes_a_policy_folder() {
     let found = error(&["model", "import", &file, "--output", &other, "--robot", "panda"]);
     assert!(found.contains("the robot has no joint \"elbow_joint\""), "{found}");
     let found = error(&["model", "import", &file, "--output", &other, "--history", "2"]);
-    assert!(found.contains("the observation terms have 18 numbers, the network reads 9"), "{found}");
+    assert!(found.contains("the observation terms have 18 numbers, but the network reads 9"), "{found}");
     assert!(!std::fs::exists(&other).expect("readable"), "nothing is written");
 }
 

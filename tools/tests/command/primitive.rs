@@ -219,7 +219,7 @@ fn kernelised_and_polynomial_primitives_round_trip() {
     }
     let output = run(&["primitive", "replay", text(&model), "--goal", "1,2"]);
     let errors = String::from_utf8_lossy(&output.stderr);
-    assert!(errors.contains("a polynomial primitive has a duration: no start, goal"), "{errors}");
+    assert!(errors.contains("a polynomial primitive accepts a duration, but no start, goal"), "{errors}");
 }
 
 /// Fits a table with one formula per column; returns the success, and output and errors together.

@@ -25,15 +25,15 @@ with_defaults! {
     #[serde(default, deny_unknown_fields)]
     pub struct QpControllerConfig;
 
-    /// Tasks, combined as a weighted sum, at least one. Default: the only end effector follows `target`, and
-    /// the joints stay near the home pose.
+    /// Tasks, at least one. Tasks on the same level are combined as a weighted sum. Default: the only end
+    /// effector follows `target`, and the joints stay near the home pose.
     pub tasks: Option<Vec<TaskConfig>> = None;
-    /// Settings per level. Default: an empty list.
+    /// Settings of individual levels. Default: an empty list.
     pub levels: Vec<LevelConfig> = Vec::new();
     /// Limits of the commanded motion.
     pub limits: LimitsConfig = LimitsConfig::default();
-    /// With this table the controller computes torques by whole-body inverse dynamics. Required for robots
-    /// with a floating base.
+    /// Whole-body inverse dynamics. If this table is present, the controller computes torques instead of
+    /// velocities. Required for robots with a floating base.
     pub inverse_dynamics: Option<InverseDynamicsConfig> = None;
     /// Proportional gain of the joints, Nm/rad or N/m: one number, or one per joint. Default: the gains in
     /// the robot's profile.
@@ -41,18 +41,19 @@ with_defaults! {
     /// Derivative gain of the joints, Nms/rad or Ns/m: one number, or one per joint. Default: the gains in
     /// the robot's profile.
     pub kd: Option<PerJoint> = None;
-    /// Compensation of the robot's weight by a feed-forward effort. Default true.
+    /// Adds a feed-forward effort that compensates the robot's weight. Default true.
     pub gravity_compensation: bool = true;
-    /// Feed-forward of the efforts for the acceleration of the setpoint. Default false.
+    /// Adds a feed-forward effort for the acceleration of the setpoint. Default false.
     pub inertia_compensation: bool = false;
     /// Gravity in the world frame, m/s^2. Default [0, 0, -9.81].
     pub gravity: [f64; 3] = [0.0, 0.0, -9.81];
-    /// World with the ground and the objects that `limits.collision` uses, in a graph without a `[world]`.
+    /// World with the ground and the objects that `limits.collision` uses. Only for a graph without a
+    /// `[world]`.
     pub world: World = World::default();
-    /// Joint positions at which the tasks are evaluated. Default "measured".
+    /// Source of the joint positions at which the tasks are evaluated. Default "measured".
     pub feedback: Feedback = Feedback::Measured;
-    /// Largest distance of the position setpoint from the measured position, rad or m. A blocked joint is
-    /// pushed with at most `kp` times this. Default 0.1.
+    /// Maximum distance of the position setpoint from the measured position, rad or m. A blocked joint is
+    /// pushed with at most `kp` times this distance. Default 0.1.
     pub max_lead: f64 = 0.1;
     /// Tikhonov regularisation of the joint velocity, 1/(rad/s)^2, 1e-12 to 1, for all levels without an
     /// entry in `levels`. Default 1e-7.
@@ -62,11 +63,11 @@ with_defaults! {
     pub state_timeout: TimeSpan = TimeSpan { ns: 10_000_000 };
     /// Age beyond which a target is treated as stationary. Default 50 ms.
     pub target_timeout: TimeSpan = TimeSpan { ns: 50_000_000 };
-    /// Duration of a linear ramp for changes of a gain or weight. A task whose weight becomes 0, or nonzero,
-    /// is faded out or in over this time. Default 200 ms; 0 applies changes immediately.
+    /// Duration of the linear ramp after a change of a gain or weight. A task is faded in if its weight
+    /// becomes nonzero, and faded out if it becomes 0. Default 200 ms; 0 applies changes immediately.
     pub task_ramp: TimeSpan = TimeSpan { ns: 200_000_000 };
-    /// Policy for contradictory constraints without `inverse_dynamics`, which has its own key. Default
-    /// "hold".
+    /// Policy for contradictory constraints. Used only without `inverse_dynamics`, which has its own key.
+    /// Default "hold".
     pub on_infeasible: Option<InfeasiblePolicy> = None;
 }
 
@@ -80,7 +81,7 @@ impl QpControllerConfig {
     }
 }
 
-/// Settings of a level of the tasks.
+/// Settings of one priority level.
 ///
 /// ```toml
 /// levels = [{ level = 2, damping = 1e-4 }]
@@ -90,17 +91,17 @@ impl QpControllerConfig {
 pub struct LevelConfig {
     /// Number of the level. At least one task must be on it.
     pub level: u32,
-    /// Tikhonov regularisation of the level, replacing `damping`, 1e-12 to 1: cost of joint velocities,
+    /// Tikhonov regularisation of this level, 1e-12 to 1, which replaces `damping`: cost of joint velocities,
     /// 1/(rad/s)^2, or with `inverse_dynamics` of accelerations and contact forces. It smooths this level and
     /// does not restrict the levels below.
     pub damping: f64,
 }
 
-/// Joint positions at which the tasks are evaluated.
+/// Source of the joint positions at which the tasks are evaluated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Feedback {
-    /// Measured positions and velocities: errors of the drives are corrected.
+    /// Measured positions and velocities; drive errors are corrected.
     Measured,
     /// Commanded positions and velocities: free of sensor noise, but drive errors remain.
     Setpoint,

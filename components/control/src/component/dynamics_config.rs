@@ -19,7 +19,7 @@ use crate::limits::LimitsConfig;
 const PROFILE_SHARE: f64 = 0.9;
 
 with_defaults! {
-    /// Whole-body inverse dynamics: torques, contacts, floating bases. Every key has a default: for a robot
+    /// Whole-body inverse dynamics: torques, contacts, floating bases. Every key has a default. For a robot
     /// of the catalogue with feet the table may stay empty.
     ///
     /// ```toml
@@ -37,16 +37,17 @@ with_defaults! {
     pub contacts: Option<Vec<ContactConfig>> = None;
     /// Cost of a contact force, 1/N, 0 to 1000, which spreads the load over the contact points. Default 1e-3.
     pub force_weight: f64 = 1e-3;
-    /// Deceleration that always suffices to stop a joint before its limits, rad/s2 or m/s2, 1e-3 to 1e6, and
-    /// at most the joint's largest acceleration. Default 20.
+    /// Deceleration that always suffices to stop a joint before its limits, rad/s2 or m/s2, 1e-3 to 1e6. Must
+    /// not exceed the joint's maximum acceleration. Default 20.
     pub braking: f64 = InverseDynamicsSettings::default().joints.braking;
-    /// Largest acceleration of a joint, rad/s2 or m/s2. Must not be less than `braking`. Default: 0.9 times
+    /// Maximum acceleration of a joint, rad/s2 or m/s2. Must not be less than `braking`. Default: 0.9 times
     /// the limit of the robot's profile, 1000 for a joint without a limit.
     pub max_acceleration: Option<f64> = None;
     /// Fraction of the torque limits that may be used, more than 0, at most 1. Default 1.
     pub torque_fraction: f64 = InverseDynamicsSettings::default().torque_fraction;
-    /// Rate at which the margin between a velocity and its limit in `limits.frames`, `limits.collision` or
-    /// `limits.support` may shrink, 1/s, 1e-3 to 1e6; limited to the tick rate. Default 100.
+    /// Decay rate of the margin between a velocity and its limit in `limits.frames`, `limits.collision` or
+    /// `limits.support`, 1/s, 1e-3 to 1e6. The margin shrinks no faster than at this rate, which is limited
+    /// to the tick rate. Default 100.
     pub barrier_rate: f64 = InverseDynamicsSettings::default().barrier_rate;
     /// Fraction of the joint damping in the robot's file that the torques compensate, 0 to 1. Default 0.
     pub joint_damping: f64 = InverseDynamicsSettings::default().joint_damping;
@@ -55,17 +56,17 @@ with_defaults! {
     /// Duration of loading or unloading a contact that is switched on or off. Default 200 ms.
     pub contact_ramp: TimeSpan = TimeSpan { ns: 200_000_000 };
     /// Fraction of the gains kp and kd with which the drives follow the integrated accelerations, 0 to 1.
-    /// Default 0: torques alone; with `unknowns = "accelerations"` 1: positions and velocities, with the
-    /// torques as a feed-forward.
+    /// Default 0 (torques alone), or 1 with `unknowns = "accelerations"` (positions and velocities, with the
+    /// torques as a feed-forward).
     pub impedance: Option<f64> = None;
     /// Initial period in which the drives hold their positions with full kp and kd in addition to the
-    /// torques, while their actuators leave the safe state. The gains then ramp down to `impedance` within
-    /// half of that period. Default 600 ms.
+    /// torques. During this period their actuators leave the safe state. The gains then ramp down to
+    /// `impedance` within half of that period. Default 600 ms.
     pub stiff_start: TimeSpan = TimeSpan { ns: 600_000_000 };
-    /// Form of the friction of all contacts. Default "pyramid".
+    /// Friction model of all contacts. Default "pyramid".
     pub friction_model: FrictionModel = FrictionModel::Pyramid;
-    /// Maximum total number of solver iterations in a step, 10 to 100000; it bounds the computing time. A
-    /// step that needs more has no solution, and its joints are held. Default 500.
+    /// Maximum total number of solver iterations in a step, 10 to 100000, which bounds the computing time. A
+    /// step that exceeds this number has no solution, and its joints are held. Default 500.
     pub max_iterations: u32 = InverseDynamicsSettings::default().max_iterations;
     /// Policy for infeasible constraints. Default "relax".
     pub on_infeasible: InfeasiblePolicy = InfeasiblePolicy::Relax;
@@ -76,12 +77,13 @@ with_defaults! {
 #[serde(rename_all = "snake_case")]
 pub enum InfeasiblePolicy {
     /// Contacts at rest, joint limits and constraint tasks are relaxed; the result reports the violation.
-    /// Torque limits and friction are never relaxed. Without `inverse_dynamics` only the tasks are relaxed.
+    /// Torque limits and friction are never relaxed. Without `inverse_dynamics` only constraint tasks are
+    /// relaxed.
     Relax,
-    /// The joints hold their positions with their gains and the torques that carry the robot's weight.
+    /// The joints hold their positions with their gains and the torques that support the robot's weight.
     /// Without `inverse_dynamics` the setpoint stays constant.
     Hold,
-    /// Nothing is commanded: the drives enter their safe state.
+    /// No command is published, so the drives enter their safe state.
     SafeStop,
 }
 
@@ -89,39 +91,39 @@ pub enum InfeasiblePolicy {
 #[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct ContactConfig {
-    /// Foot of the robot's profile; its name becomes the contact's. Set either this or `frame`.
+    /// Foot of the robot's profile, which also names the contact. Set either this or `frame`.
     pub foot: Option<String>,
-    /// Link whose frame touches the ground; its name becomes the contact's. Set either this or `foot`.
+    /// Link whose frame touches the ground, which also names the contact. Set either this or `foot`.
     pub frame: Option<String>,
-    /// Radius of a ball about the origin of `frame`, m. Without it and `sole`: a point.
+    /// Radius of a ball about the origin of `frame`, m. Without `radius` and `sole` the contact is a point.
     pub radius: Option<f64>,
     /// Sides of a sole along x and y of `frame`, centred on its origin, m.
     pub sole: Option<[f64; 2]>,
     /// Coefficient of friction, 1e-3 to 10. Default: the foot's value, or 0.6.
     pub friction: Option<f64>,
-    /// Largest normal force at each point of the contact, N. Default: no limit.
+    /// Maximum normal force at each point of the contact, N. Default: no limit.
     pub max_force: Option<f64>,
-    /// Distance that the centre of pressure of a sole keeps from its edges, m, less than half of its shorter
-    /// side. Default 0.
+    /// Distance that the centre of pressure of a sole keeps from its edges, m. Must be less than half of the
+    /// shorter side. Default 0.
     pub margin: Option<f64>,
     /// Limits of the total wrench of a sole. Default: only the limits of its points.
     pub wrench: Option<WrenchConfig>,
 }
 
-/// Limits of the total wrench of a sole, in addition to the forces at its corners.
+/// Limits of the total wrench of a sole, in addition to the limits of the forces at its corners.
 #[derive(Debug, Clone, Copy, Default, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct WrenchConfig {
-    /// Sides of the rectangle that contains the centre of pressure, along x and y, centred at the origin of
+    /// Sides along x and y of the rectangle that contains the centre of pressure, centred at the origin of
     /// the frame, m. Default: the sole less `margin`.
     pub sides: Option<[f64; 2]>,
-    /// Coefficient of friction of force and yaw torque, 1e-3 to 10. Default: the contact's value.
+    /// Coefficient of friction for tangential force and yaw torque, 1e-3 to 10. Default: the contact's value.
     pub friction: Option<f64>,
     /// Minimum normal force, N, at least 0. Default 0.
     pub min_force: Option<f64>,
-    /// Largest normal force, N, more than `min_force`. Default: no limit.
+    /// Maximum normal force, N. Must be greater than `min_force`. Default: no limit.
     pub max_force: Option<f64>,
-    /// Largest torque about the normal, Nm, at least 0. Default: no limit.
+    /// Maximum torque about the normal, Nm, at least 0. Default: no limit.
     pub max_yaw: Option<f64>,
 }
 

@@ -7,10 +7,10 @@ use motorium_robots::{BasePose, Kinematics, Loaded, Model, RobotSource};
 use crate::RobotState;
 use crate::inverse_dynamics::MotionState;
 
-/// Returns the robot of a component that requires one.
+/// Returns the robot that the graph assigns to a component.
 ///
 /// # Errors
-/// [`ConfigError`] if the graph assigns no robot to the component.
+/// [`ConfigError`] if the graph assigns no robot.
 pub fn required_robot(declare: &Declare) -> Result<&RobotReference, ConfigError> {
     declare.robot().ok_or_else(|| {
         ConfigError::new("the component requires a robot, but names none")
@@ -21,7 +21,7 @@ pub fn required_robot(declare: &Declare) -> Result<&RobotReference, ConfigError>
 /// Loads the robot that the graph assigns to a component.
 ///
 /// # Errors
-/// [`ConfigError`] of the key `robot` if the robot does not load or has more than [`MAX_JOINTS`] joints.
+/// [`ConfigError`] for the key `robot` if the robot does not load or has more than [`MAX_JOINTS`] joints.
 pub fn load_robot(robot: &RobotReference) -> Result<Loaded, ConfigError> {
     let source = RobotSource {
         name: &robot.name,
@@ -41,8 +41,7 @@ pub fn load_robot(robot: &RobotReference) -> Result<Loaded, ConfigError> {
     }
 }
 
-/// Configuration and velocity of a robot with its kinematics, from the latest states of its joints and its
-/// base.
+/// Configuration, velocity and kinematics of a robot, from the latest states of its joints and its base.
 pub struct MeasuredState {
     joint_state: Input<JointState>,
     /// State of a floating base.
@@ -64,19 +63,19 @@ pub struct MeasuredState {
 /// A step with a fresh state.
 #[derive(Clone, Copy, Debug)]
 pub struct FreshStep {
-    /// `true` at the start and after an interruption.
+    /// `true` at the start and after an interruption of the state.
     pub begins: bool,
-    /// Time since the last step, s. After missed steps it spans several periods, so that setpoints do not
-    /// fall behind the robot.
+    /// Time since the last step with a fresh state, s. After missed steps it spans several periods, so that
+    /// setpoints do not lag behind the robot.
     pub dt: f64,
 }
 
-/// Period of a step, ns.
+/// Returns the period of a step, ns.
 pub fn period_ns(tick: &Tick) -> u64 {
     u64::try_from(tick.period.as_nanos()).unwrap_or(u64::MAX)
 }
 
-/// Checks the number of joints of a message.
+/// Checks the number of joints in a message.
 ///
 /// # Errors
 /// [`StepError`] if the numbers differ.
@@ -90,7 +89,7 @@ pub fn check_joint_count(found: usize, expected: usize) -> Result<(), StepError>
 }
 
 impl MeasuredState {
-    /// Opens the state inputs. A state is fresh up to an age of `timeout_ns`.
+    /// Opens the state inputs. A state counts as fresh if it is no older than `timeout_ns`.
     ///
     /// # Errors
     /// [`ConfigureError`] if a topic cannot be opened.
@@ -111,12 +110,12 @@ impl MeasuredState {
         })
     }
 
-    /// Sets whether the kinematics include velocities.
+    /// Sets whether [`motion`](Self::motion) and the kinematics include velocities.
     pub fn velocities(self, velocities: bool) -> Self {
         Self { velocities, ..self }
     }
 
-    /// Starts a step with the latest state. Returns `None` without a fresh state.
+    /// Reads the latest state at the start of a step. Returns `None` if no fresh state is available.
     ///
     /// # Errors
     /// [`StepError`] if a message does not fit the robot.
@@ -165,27 +164,27 @@ impl MeasuredState {
         Ok(Some(time_ns))
     }
 
-    /// Number of steps without a fresh state, after the first.
+    /// Returns the number of steps without a fresh state since the first state.
     pub fn stale(&self) -> u64 {
         self.stale
     }
 
-    /// Restarts with the next state.
+    /// Discards the state; the next fresh state begins a new sequence.
     pub fn reset(&mut self) {
         (self.last_ns, self.stale) = (None, 0);
     }
 
-    /// Returns the state of the last read.
+    /// Returns the latest state.
     pub fn motion(&self) -> MotionState<'_> {
         MotionState { model: &self.model, kinematics: &self.kinematics, q: &self.q, v: &self.v }
     }
 
-    /// Returns the state of the last read without its velocity.
+    /// Returns the latest state without its velocity.
     pub fn robot(&self) -> RobotState<'_> {
         RobotState { model: &self.model, kinematics: &self.kinematics, q: &self.q }
     }
 
-    /// Returns the positions and velocities of the joints.
+    /// Returns the positions \[rad or m\] and velocities \[rad/s or m/s\] of the joints.
     pub fn joints(&self) -> (&[f64], &[f64]) {
         (self.model.joints_of_q(&self.q), self.model.joints_of_v(&self.v))
     }

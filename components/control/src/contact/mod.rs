@@ -10,22 +10,22 @@ use nalgebra::{Matrix3, Vector3};
 /// Shape of a contact.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ContactShape {
-    /// The origin of the frame, with any orientation.
+    /// The origin of the frame. The frame may have any orientation.
     Point,
     /// A ball about the origin of the frame, which rolls on the world.
     Ball {
-        /// Its radius \[m\].
+        /// Radius of the ball \[m\].
         radius: f64,
     },
     /// A rectangle in the plane of x and y of the frame, centred at its origin; z points away from the
     /// ground.
     Sole {
-        /// Lengths along x and y \[m\].
+        /// Side lengths along x and y \[m\].
         sides: [f64; 2],
     },
 }
 
-/// A contact of the robot with the fixed world.
+/// A contact of the robot with the static world.
 ///
 /// ```
 /// use motorium_control::inverse_dynamics::{Contact, ContactShape};
@@ -39,24 +39,24 @@ pub enum ContactShape {
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Contact {
-    /// Name for messages.
+    /// Name used in messages.
     pub name: String,
-    /// Frame of the robot.
+    /// Frame of the robot that makes contact.
     pub frame: FrameId,
     /// Shape of the contact.
     pub shape: ContactShape,
     /// Coefficient of friction. Default 0.6.
     pub friction: f64,
-    /// Largest normal force at each of its points \[N\]. Default infinite.
+    /// Maximum normal force at each contact point \[N\]. Default infinite.
     pub max_force: f64,
-    /// Distance that the centre of pressure of a sole keeps from its edges \[m\]. Forces act at the corners
-    /// of a rectangle that is smaller by this distance on each side. Limited to half of the shorter side.
-    /// Default 0: the centre of pressure may reach an edge, where the sole is about to tip.
+    /// Minimum distance between the centre of pressure of a sole and its edges \[m\]. Forces act at the
+    /// corners of a rectangle that is smaller by this distance on each side. Limited to half of the shorter
+    /// side. Default 0: the centre of pressure may reach an edge, where the sole is about to tip.
     pub margin: f64,
-    /// Limits of the total wrench of a sole, in addition to the limits of its points. Default `None`; ignored
+    /// Limits of the total wrench of a sole, in addition to the limits at its points. Default `None`; ignored
     /// for other shapes.
     pub wrench: Option<WrenchCone>,
-    /// Surface normal for a point or a ball; a sole uses its frame's. Default up.
+    /// Surface normal for a point or a ball; a sole uses the z axis of its frame. Default up.
     pub normal: Vector3<f64>,
 }
 
@@ -75,7 +75,7 @@ impl Contact {
         Self { name: name.into(), frame, shape, friction, max_force, margin, wrench: None, normal }
     }
 
-    /// Creates the contact of a foot in the robot's profile: a sole, a ball or a point.
+    /// Creates the contact of a foot from the robot's profile: a sole, a ball or a point.
     ///
     /// # Errors
     /// [`ContactError`] if the robot lacks the foot's frame.
@@ -89,7 +89,7 @@ impl Contact {
         Ok(Self { friction: foot.friction.unwrap_or(contact.friction), ..contact })
     }
 
-    /// Number of points at which a force acts.
+    /// Returns the number of points at which a force acts.
     pub fn points(&self) -> usize {
         match self.shape {
             ContactShape::Point | ContactShape::Ball { .. } => 1,
@@ -97,7 +97,7 @@ impl Contact {
         }
     }
 
-    /// Number of constrained motions.
+    /// Returns the number of constrained directions of motion.
     pub fn rows(&self) -> usize {
         match self.shape {
             ContactShape::Point | ContactShape::Ball { .. } => 3,

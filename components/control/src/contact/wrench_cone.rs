@@ -14,11 +14,11 @@ with_defaults! {
     /// ```
     ///
     /// Forces at the four corners of the rectangle, each within its friction pyramid, sum to exactly these
-    /// wrenches. Limits with the sole's own sides and friction are therefore redundant. Use them to tighten
-    /// the corners' limits: a smaller rectangle or friction than the contact's, a minimum force that keeps
-    /// the foot loaded, a maximum force of the whole foot, or a maximum yaw torque. Caron, Pham and Nakamura,
-    /// *Stability of surface contacts for humanoid robots: closed-form formulae of the contact wrench for
-    /// rectangular support areas*, ICRA 2015.
+    /// wrenches. Limits with the sole's own sides and friction are therefore redundant. Use this type to
+    /// tighten the limits at the corners: a smaller rectangle or friction than the contact's, a minimum force
+    /// that keeps the foot loaded, a maximum force of the whole foot, or a maximum yaw torque. Caron, Pham
+    /// and Nakamura, *Stability of surface contacts for humanoid robots: closed-form formulae of the contact
+    /// wrench for rectangular support areas*, ICRA 2015.
     ///
     /// ```
     /// use motorium_control::inverse_dynamics::WrenchCone;
@@ -34,14 +34,14 @@ with_defaults! {
 
     /// Sides `2 X` and `2 Y` of the rectangle along x and y, centred at the origin of the frame \[m\].
     pub sides: [f64; 2] = [0.2, 0.1];
-    /// Coefficient of friction.
+    /// Coefficient of friction. Default 0.6.
     pub friction: f64 = 0.6;
-    /// Minimum normal force of the whole sole \[N\]. Default 0. It is relaxed if constraints conflict, and
-    /// while the contact is lifted.
+    /// Minimum normal force of the whole sole \[N\]. Default 0. The limit is relaxed if constraints conflict,
+    /// and while the contact is lifted.
     pub min_force: f64 = 0.0;
-    /// Largest normal force of the whole sole \[N\]. Default infinite.
+    /// Maximum normal force of the whole sole \[N\]. Default infinite.
     pub max_force: f64 = f64::INFINITY;
-    /// Largest torque about the normal \[Nm\]. Default infinite.
+    /// Maximum torque about the normal \[Nm\]. Default infinite.
     pub max_yaw: f64 = f64::INFINITY;
 }
 
@@ -74,8 +74,8 @@ impl WrenchCone {
         }
     }
 
-    /// Returns the largest excess of a wrench, force \[N\] then torque \[Nm\], over any of the limits. It is
-    /// at most 0 within all limits.
+    /// Returns the largest excess of a wrench, force \[N\] then torque \[Nm\], over any limit. The result is
+    /// at most 0 if all limits are met.
     pub fn excess(&self, wrench: &[f64; 6]) -> f64 {
         (0..Self::ROWS).fold(f64::NEG_INFINITY, |most, row| {
             let (coefficients, least, largest) = self.row(row);

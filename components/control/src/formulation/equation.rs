@@ -6,24 +6,23 @@ use super::impedance::Impedance;
 use super::response::Response;
 use crate::cost::Cost;
 
-/// The equation of a task at a state, and the cost that a formulation derives from it.
+/// Equation of a task at a robot state, and the cost that a formulation derives from the equation.
 #[derive(Clone, Debug)]
 pub struct Equation {
-    /// `e`, one entry per row; zero for a task without a position.
+    /// Error `e`, one entry per row; zero for a task without a position.
     pub error: DVector<f64>,
-    /// `nu`, the rate of the target: `e' = nu - J v`.
+    /// Rate of the target, `nu`, so that `e' = nu - J v`.
     pub rate: DVector<f64>,
-    /// `nu'`.
+    /// Time derivative of `nu`.
     pub rate_derivative: DVector<f64>,
-    /// `e'` at the robot's velocity.
+    /// Rate of the error, `e'`, at the robot's velocity.
     pub error_rate: DVector<f64>,
-    /// `J' v`, the part of `(J v)'` that does not depend on the acceleration.
+    /// Drift `J' v`, the part of `(J v)'` that does not depend on the acceleration.
     pub drift: DVector<f64>,
-    /// The requested motion of the error.
+    /// Requested response to the error.
     pub response: Response,
-    /// Selection matrices `S` of the first three and the following three rows. They apply to the error `e`
-    /// and its rate, but not to `J`, `nu`, `nu'` and `J' v`: a formulation requests `S e`. Default: the
-    /// identity.
+    /// Selection matrices `S` of rows 0 to 2 and rows 3 to 5. They apply to the error `e` and its rate, but
+    /// not to `J`, `nu`, `nu'` and `J' v`: a formulation requests `S e`. Default: the identity.
     pub selection: Option<[Matrix3<f64>; 2]>,
     pub(super) cost: Cost,
     /// `gain e`, limited to the largest speeds.
@@ -34,14 +33,14 @@ pub struct Equation {
 }
 
 impl Equation {
-    /// Creates an equation of `rows` rows on `width` velocities from `first` on: everything zero, all weights
-    /// 1.
+    /// Creates an equation of `rows` rows on the `width` velocities that start at `first`. Everything is
+    /// zero; all weights are 1.
     pub fn dense(rows: usize, first: usize, width: usize) -> Self {
         Self::new(Cost::dense(rows, first, width))
     }
 
-    /// Creates an equation of `count` velocities from `first` on: `J` the identity, everything else zero, all
-    /// weights 1.
+    /// Creates an equation on the `count` velocities that start at `first`. `J` is the identity, everything
+    /// else is zero, and all weights are 1.
     pub fn identity(first: usize, count: usize) -> Self {
         Self::new(Cost::identity(first, count))
     }
@@ -63,7 +62,7 @@ impl Equation {
         }
     }
 
-    /// Number of rows.
+    /// Returns the number of rows.
     pub fn rows(&self) -> usize {
         self.error.len()
     }

@@ -32,15 +32,16 @@ pub use velocity::VelocityTask;
 
 use crate::state::{MotionState, RobotState};
 
-/// A motion of the robot with an error, whose equation holds for velocities and for accelerations.
+/// A motion objective with an error. The same equation serves control of velocities and of accelerations.
 ///
-/// A task owns its [`Equation`], whose memory is allocated at construction. A tick calls
+/// A task owns its [`Equation`], whose memory is allocated at construction. Each tick calls
 /// [`evaluate`](Self::evaluate) and then, for accelerations, [`differentiate`](Self::differentiate).
 pub trait Task {
     /// Evaluates `e`, `J`, `nu` and the weights `W` at `state`.
     fn evaluate(&mut self, state: &RobotState<'_>);
 
-    /// Evaluates `e'`, `nu'` and `J' v` at `state`, which must already be [evaluated](Self::evaluate).
+    /// Evaluates `e'`, `nu'` and `J' v` at `state`, for which [`evaluate`](Self::evaluate) must already have
+    /// been called.
     fn differentiate(&mut self, state: &MotionState<'_>);
 
     /// Returns the equation of the last evaluation.

@@ -12,9 +12,9 @@ use nalgebra::Vector3;
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Feedback {
-    /// Gain of the position error \[1/s^2\].
+    /// Gain of the error `e` \[1/s^2\].
     pub kp: f64,
-    /// Gain of the velocity error \[1/s\].
+    /// Gain of the error rate `e'` \[1/s\].
     pub kd: f64,
 }
 
@@ -24,8 +24,8 @@ impl Feedback {
         Self { kp: rate * rate, kd: 2.0 * rate }
     }
 
-    /// Acceleration for a vector error `e` and its rate `e'`, with the correction speed limited to
-    /// `max_speed`: `kd (clip(kp / kd e) + e')`.
+    /// Returns the acceleration `kd (clip(kp / kd e) + e')` for a vector error `e` and its rate `e'`. The
+    /// correction speed is limited to `max_speed`.
     pub fn acceleration(&self, error: &Vector3<f64>, rate: &Vector3<f64>, max_speed: f64) -> Vector3<f64> {
         let mut found = Vector3::zeros();
         self.write(error.as_slice(), rate.as_slice(), max_speed, found.as_mut_slice());
@@ -50,30 +50,30 @@ impl Feedback {
     }
 }
 
-/// The requested motion of an error.
+/// Requested response of a task to its error.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Response {
-    /// Rate at which velocities reduce the error \[1/s\].
+    /// Rate at which the error decays under velocity control \[1/s\].
     pub gain: f64,
-    /// Feedback by which accelerations reduce the error.
+    /// Feedback that reduces the error under acceleration control.
     pub feedback: Feedback,
-    /// Largest correction speeds of the first three rows and of the following three \[units of `e` per
-    /// second\]. Limiting keeps the direction. Default infinite.
+    /// Maximum correction speeds of rows 0 to 2 and of rows 3 to 5 \[units of `e` per second\]. Limiting
+    /// preserves the direction. Default infinite.
     pub max_speeds: [f64; 2],
-    /// Levenberg-Marquardt damping per speed of the correction, for velocities. Default 0.
+    /// Levenberg-Marquardt damping per unit of correction speed, for velocity control. Default 0.
     pub damping: f64,
 }
 
 impl Response {
-    /// An error that decays at the rate `gain` \[1/s\]: exponential for velocities, critically damped for
-    /// accelerations.
+    /// Creates a response with which the error decays at the rate `gain` \[1/s\]: exponentially under
+    /// velocity control, critically damped under acceleration control.
     pub fn decay(gain: f64) -> Self {
         let (feedback, max_speeds) = (Feedback::critical(gain), [f64::INFINITY; 2]);
         Self { gain, feedback, max_speeds, damping: 0.0 }
     }
 
-    /// The velocity `nu` without a position error: reached immediately by velocities, and at the `rate`
-    /// \[1/s\] by accelerations.
+    /// Creates a response that tracks the velocity `nu` without a position error. The velocity is reached
+    /// immediately under velocity control, and at `rate` \[1/s\] under acceleration control.
     pub fn velocity(rate: f64) -> Self {
         Self { gain: 0.0, feedback: Feedback { kp: 0.0, kd: rate }, ..Self::decay(0.0) }
     }

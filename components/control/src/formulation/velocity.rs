@@ -10,7 +10,7 @@ use crate::state::RobotState;
 
 /// A cost on the joint velocity `v` \[rad/s or m/s\]: `1/2 |W (A v - b)|^2`, convex and finite for every `v`.
 ///
-/// Every [`Task`] implements it. With `c = gain e`, scaled down as a whole where it would exceed a largest
+/// Every [`Task`] implements it. With `c = gain e`, scaled down as a whole if it would exceed a maximum
 /// speed:
 ///
 /// ```text
@@ -18,21 +18,21 @@ use crate::state::RobotState;
 /// A = J,   b = S c + nu,   mu = damping |W^2 S' S c|        S: selection of rows, usually the identity
 /// ```
 pub trait VelocityTask {
-    /// Maximum number of rows of `A`.
+    /// Returns the maximum number of rows of `A`.
     fn rows(&self) -> usize;
 
-    /// Evaluates the error, `A` and `b` at this state.
+    /// Evaluates the error, `A` and `b` at `state`.
     fn update(&mut self, state: &RobotState<'_>);
 
-    /// Norm of `A v - b` of the last update over the rows with nonzero weight, in the units of the task
-    /// \[m/s, rad/s\].
+    /// Returns the norm of `A v - b` at the last update, over the rows with nonzero weight, in the units of
+    /// the task \[m/s, rad/s\].
     fn residual(&self, velocity: &[f64]) -> f64;
 
-    /// Adds the cost of the last update to the quadratic and the linear part of `problem`, whose unknowns are
-    /// the joint velocities. Only the upper triangle of the Hessian is written.
+    /// Adds the cost of the last update to the Hessian and the gradient of `problem`, whose unknowns are the
+    /// joint velocities. Writes only the upper triangle of the Hessian.
     fn add_to(&self, problem: &mut Problem);
 
-    /// Appends the rows of `W A` and `W b` of the last update, at most [`rows`](Self::rows). Rows without
+    /// Appends the rows of `W A` and `W b` of the last update, at most [`rows`](Self::rows). Rows with zero
     /// weight may be omitted.
     fn write_rows(&self, rows: &mut Rows);
 }

@@ -5,7 +5,7 @@ use motorium_qp::{Conflict, Constraint, QpSolver};
 use super::DifferentialIk;
 use crate::conflict::{Conflicting, ConstraintName};
 
-/// Contradictory constraints without a common solution, and the relaxed solution of the tick.
+/// A set of contradictory constraints, and the violation in the relaxed solution of the tick.
 ///
 /// ```
 /// use motorium_control::{DifferentialIk, IkRows, IkSettings, RobotState, tasks::{PostureSettings, PostureTask, VelocityTask}};
@@ -37,7 +37,7 @@ use crate::conflict::{Conflicting, ConstraintName};
 pub struct IkConflict {
     /// The constraints that contribute most to the conflict.
     pub names: Conflicting,
-    /// Largest weighted violation of an exact row \[m/s or rad/s\]; 0 if the tick has no solution.
+    /// Largest weighted violation of a relaxed row \[m/s or rad/s\]; 0 if the tick has no solution.
     pub slack: f64,
 }
 
@@ -46,7 +46,7 @@ impl IkConflict {
         Self { names: conflict.constraints().filter_map(|found| name(found, motions)).collect(), slack: 0.0 }
     }
 
-    /// Iterates over the constraints that contribute most to the conflict, strongest first.
+    /// Returns the constraints that contribute most to the conflict, strongest first.
     pub fn constraints(&self) -> impl Iterator<Item = ConstraintName> + '_ {
         self.names.names()
     }
@@ -65,15 +65,16 @@ fn name(constraint: Constraint, motions: usize) -> Option<ConstraintName> {
 }
 
 impl<S: QpSolver> DifferentialIk<S> {
-    /// Returns the contradictory constraints of the last [`solve`](Self::solve), relaxed or not.
+    /// Returns the contradictory constraints of the last [`solve`](Self::solve), or `None` if there was no
+    /// conflict. The conflict is reported whether or not it was relaxed.
     pub fn conflict(&self) -> Option<&IkConflict> {
         self.conflict.as_ref()
     }
 }
 
 impl DifferentialIk {
-    /// Calls `visit` with each limit that is active in the solution of the first level, unless it was
-    /// relaxed.
+    /// Calls `visit` with each limit that is active in the solution of the first level, except relaxed
+    /// limits.
     pub fn visit_active(&self, visit: &mut dyn FnMut(ConstraintName)) {
         if self.conflict.is_some() {
             return;

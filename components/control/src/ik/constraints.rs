@@ -10,10 +10,11 @@ use crate::{
 };
 
 impl<S: QpSolver> DifferentialIk<S> {
-    /// Updates `contact` at `state` and holds its frame still, above all levels; its weight is ignored.
+    /// Updates `contact` at `state` and holds its frame still, as a constraint above all levels; the weight
+    /// of the contact is ignored.
     ///
     /// # Panics
-    /// If the solver was built for fewer contact rows in total.
+    /// If the total number of contact rows exceeds the capacity.
     pub fn hold(&mut self, state: &RobotState<'_>, contact: &mut ContactTask) {
         contact.update(state);
         let (first, count) = (self.next_equality, contact.rows());
@@ -61,7 +62,7 @@ impl<S: QpSolver> DifferentialIk<S> {
     /// ```
     ///
     /// # Panics
-    /// If the solver was built for fewer rows than contacts and constraints have together.
+    /// If the total number of rows of contacts and constraints exceeds the capacity.
     pub fn constrain(&mut self, state: &RobotState<'_>, task: &mut dyn VelocityTask) {
         task.update(state);
         self.constrained.clear();
@@ -77,7 +78,7 @@ impl<S: QpSolver> DifferentialIk<S> {
     /// higher level may violate the limit by `s`, at the cost `1/2 weight^2 |s|^2` on its level.
     ///
     /// # Panics
-    /// If the level does not exist, or the solver was built for fewer soft rows in total.
+    /// If the level does not exist, or the total number of soft rows exceeds the capacity.
     pub fn add_soft_limit(
         &mut self,
         state: &RobotState<'_>,
@@ -106,21 +107,22 @@ impl<S: QpSolver> DifferentialIk<S> {
         }
     }
 
-    /// Violations of the soft limits in the last [`solve`](Self::solve), one per row, in order of addition
-    /// \[m/s or rad/s\].
+    /// Returns the violations of the soft limits in the last [`solve`](Self::solve), one per row, in order of
+    /// addition \[m/s or rad/s\].
     pub fn slack(&self) -> &[f64] {
         &self.velocity[self.motions..]
     }
 
-    /// Intersects the bounds with the bounds of `limit` for a tick of `dt` seconds.
+    /// Narrows the bounds on the joint velocities to satisfy `limit` for a tick of `dt` seconds.
     pub fn add_limit(&mut self, state: &RobotState<'_>, limit: &dyn Limit, dt: f64) {
         limit.intersect(state, dt, &mut self.problem);
     }
 
-    /// Narrows the bounds by `limit` for a tick of `dt` seconds, after all limits of positions and
-    /// velocities; `before` are the velocities of the previous tick. If other constraints contradict this
-    /// limit, it is dropped first for the tick: for braking joints, and for accelerating joints if a contact
-    /// or an exact task requires it.
+    /// Narrows the bounds on the joint velocities by `limit` for a tick of `dt` seconds. Call this after
+    /// adding all limits of positions and velocities. `before` are the velocities of the previous tick
+    /// \[rad/s or m/s\]. If other constraints contradict this limit, it is the first to be dropped for the
+    /// tick: for braking joints always, for accelerating joints only if a contact or an exact task requires
+    /// it.
     ///
     /// ```
     /// use motorium_control::tasks::{PostureSettings, PostureTask};
@@ -165,7 +167,7 @@ impl<S: QpSolver> DifferentialIk<S> {
         limit.narrow(state, before, dt, &mut self.problem);
     }
 
-    /// Prescribes a velocity \[rad/s or m/s\] by its index in `v`. It replaces the limits already added for
+    /// Prescribes the velocity \[rad/s or m/s\] at `index` of `v`. It replaces the limits already added for
     /// this index.
     pub fn prescribe(&mut self, index: usize, velocity: f64) {
         let Self { problem, wide_bounds: [lower, upper], .. } = self;
@@ -174,7 +176,7 @@ impl<S: QpSolver> DifferentialIk<S> {
         }
     }
 
-    /// Returns `true` if the last [`solve`](Self::solve) exceeded the acceleration limit.
+    /// Returns `true` if the solution of the last [`solve`](Self::solve) exceeds the acceleration limit.
     pub fn exceeds_acceleration(&self) -> bool {
         self.exceeds_acceleration
     }
@@ -182,7 +184,7 @@ impl<S: QpSolver> DifferentialIk<S> {
     /// Adds the rows of `limit` for a tick of `dt` seconds.
     ///
     /// # Panics
-    /// If the solver was built for fewer rows than the limits have together.
+    /// If the total number of limit rows exceeds the capacity.
     pub fn add_row_limit(&mut self, state: &RobotState<'_>, limit: &mut dyn RowLimit, dt: f64) {
         let (first, count) = (self.next_row, limit.rows());
         assert!(

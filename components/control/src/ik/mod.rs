@@ -26,19 +26,19 @@ with_defaults! {
     pub struct IkSettings;
 
     /// Tikhonov regularisation: cost of any joint velocity \[1/(rad/s)^2\]. It makes the solution unique if
-    /// the tasks leave a joint undetermined.
+    /// the tasks leave a joint undetermined. Default 1e-7.
     pub damping: f64 = 1e-7;
-    /// Weight of held contacts and constraint tasks when constraints are contradictory: cost of violating
-    /// them \[1/(m/s) or 1/(rad/s)\]. Limits are never relaxed. With `None`, the default, such a tick has no
-    /// solution.
+    /// Weight of held contacts and constraint tasks if constraints are contradictory: cost of violating them
+    /// \[1/(m/s) or 1/(rad/s)\]. Limits are never relaxed. With `None`, such a tick has no solution. Default
+    /// `None`.
     pub relaxation: Option<f64> = None;
 }
 
-/// Error of a tick without a joint velocity. The safe reaction is to stop.
+/// Error of a tick for which no joint velocity was found. The safe reaction is to stop.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum IkError {
-    /// The state, a target or a setting is not a number, or limits cross.
-    #[error("inverse kinematics cannot be posed: {0}")]
+    /// The state, a target or a setting is not finite, or a lower limit exceeds an upper limit.
+    #[error("the inverse kinematics problem is invalid: {0}")]
     Pose(#[from] UpdateError),
     /// The solver found no solution.
     #[error("inverse kinematics has no solution: {0}")]
@@ -54,13 +54,14 @@ pub enum IkError {
 /// ```
 ///
 /// `A_c` contains the rows of [held](Self::hold) contacts, whose frames do not move, and of
-/// [constraint](Self::constrain) tasks. Limits may be soft, as a [task](Self::add_soft_limit) of any level.
+/// [constraint](Self::constrain) tasks. Limits may also be [soft](Self::add_soft_limit), as tasks of any
+/// level.
 ///
 /// [`levels`](Self::levels) adds strict priorities: each level minimises its own sum over the velocities that
-/// leave `A v` of all higher levels unchanged.
+/// preserve `A v` of all higher levels.
 ///
-/// The unknown is the velocity rather than the step `v dt`: a solver's absolute tolerances would exceed the
-/// limits of such small steps.
+/// The unknown is the velocity `v` rather than the step `v dt`, because a solver's absolute tolerances would
+/// exceed the limits of such small steps.
 #[derive(Debug)]
 pub struct DifferentialIk<S = ActiveSetSolver> {
     settings: IkSettings,
@@ -94,14 +95,14 @@ pub struct DifferentialIk<S = ActiveSetSolver> {
     undecided: u32,
 }
 
-/// Capacity of a [`DifferentialIk`] in rows, in addition to the bounds of the joints.
+/// Row capacity of a [`DifferentialIk`], in addition to the bounds of the joints.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct IkRows {
-    /// Rows of held contacts and of constraint tasks.
+    /// Number of rows of held contacts and constraint tasks.
     pub held: usize,
-    /// Rows of limits.
+    /// Number of rows of limits.
     pub limits: usize,
-    /// Rows of soft limits.
+    /// Number of rows of soft limits.
     pub soft: usize,
 }
 
@@ -112,16 +113,16 @@ impl DifferentialIk {
         Self::with_solver(solver, IkSettings::default())
     }
 
-    /// Creates a solver for `model` and limits with `rows` rows in total, with default settings and the
-    /// active-set method.
+    /// Creates a solver for `model` with a capacity of `rows` limit rows, default settings and the active-set
+    /// method.
     pub fn with_rows(model: &Model, rows: usize) -> Self {
         let structure = Self::structure(model).rows(rows, Sides::Both);
         let solver = ActiveSetSolver::new(structure, ActiveSetSettings::default());
         Self::with_solver(solver, IkSettings::default())
     }
 
-    /// Creates a solver for `model`, contacts with `held` rows in total and limits with `rows` rows, with
-    /// default settings and the active-set method.
+    /// Creates a solver for `model` with capacities of `held` contact rows and `rows` limit rows, default
+    /// settings and the active-set method.
     ///
     /// ```
     /// use motorium_control::tasks::{CentreOfMassTask, ContactTask, VelocityTask};
@@ -152,7 +153,7 @@ impl DifferentialIk {
         Self::with_room(model, IkRows { held, limits: rows, soft: 0 }, IkSettings::default())
     }
 
-    /// Creates a solver for `model` with capacity for these rows and the active-set method.
+    /// Creates a solver for `model` with these row capacities and the active-set method.
     pub fn with_room(model: &Model, rows: IkRows, settings: IkSettings) -> Self {
         let IkRows { held, limits, soft } = rows;
         let structure = Structure::new(model.nv() + soft).bounds(Sides::Both);
@@ -161,15 +162,15 @@ impl DifferentialIk {
         Self { motions: model.nv(), ..Self::with_solver(solver, settings) }
     }
 
-    /// Returns the structure of the problem for `model`: one bounded unknown per velocity, including the six
-    /// of a floating base.
+    /// Returns the structure of the quadratic program for `model`: one bounded unknown per velocity,
+    /// including the six velocities of a floating base.
     pub fn structure(model: &Model) -> Structure {
         Structure::new(model.nv()).bounds(Sides::Both)
     }
 }
 
 impl<S: QpSolver> DifferentialIk<S> {
-    /// Uses a solver built for [`DifferentialIk::structure`].
+    /// Creates inverse kinematics with a solver that was built for [`DifferentialIk::structure`].
     pub fn with_solver(solver: S, settings: IkSettings) -> Self {
         let problem = Problem::new(solver.structure());
         let variables = solver.structure().variables();
@@ -199,8 +200,8 @@ impl<S: QpSolver> DifferentialIk<S> {
         }
     }
 
-    /// Sets levels of strict priority, highest first. Each entry is the maximum total number of
-    /// [`rows`](VelocityTask::rows) of the level's tasks and soft limits.
+    /// Defines levels of strict priority, highest first. Each entry of `rows` is the row capacity of one
+    /// level: the maximum total number of [`rows`](VelocityTask::rows) of its tasks and soft limits.
     ///
     /// ```
     /// use motorium_control::{DifferentialIk, RobotState, tasks::{CartesianTask, PostureTask, VelocityTask}};
@@ -233,8 +234,8 @@ impl<S: QpSolver> DifferentialIk<S> {
         self
     }
 
-    /// Sets a separate regularisation per level, the cost of joint velocities \[1/(rad/s)^2\], highest level
-    /// first. Replaces [`IkSettings::damping`].
+    /// Sets a separate regularisation per level, highest level first: the cost of joint velocities
+    /// \[1/(rad/s)^2\]. Replaces [`IkSettings::damping`].
     ///
     /// ```
     /// use motorium_control::{DifferentialIk, RobotState, tasks::{CartesianTask, PostureTask, VelocityTask}};
@@ -271,8 +272,8 @@ impl<S: QpSolver> DifferentialIk<S> {
         self
     }
 
-    /// Builds the problem of one tick of `dt` seconds: [`begin`](Self::begin), then every task on the first
-    /// level, then every limit.
+    /// Builds the problem of one tick of `dt` seconds: calls [`begin`](Self::begin), adds every task to the
+    /// first level, then adds every limit.
     pub fn assemble(
         &mut self,
         state: &RobotState<'_>,
@@ -289,7 +290,7 @@ impl<S: QpSolver> DifferentialIk<S> {
         }
     }
 
-    /// Starts a tick without tasks and limits.
+    /// Starts a tick without tasks or limits.
     pub fn begin(&mut self) {
         self.problem.hessian.fill(0.0);
         self.problem.hessian.fill_diagonal(self.settings.damping);
@@ -309,10 +310,10 @@ impl<S: QpSolver> DifferentialIk<S> {
         }
     }
 
-    /// Updates `task` at `state` and adds its cost to a level, 0 for the highest.
+    /// Updates `task` at `state` and adds its cost to a level; level 0 has the highest priority.
     ///
     /// # Panics
-    /// If the level does not exist, or its tasks have more rows than its capacity.
+    /// If the level does not exist, or the rows of its tasks exceed the capacity of the level.
     pub fn add_task(&mut self, state: &RobotState<'_>, level: usize, task: &mut dyn VelocityTask) {
         task.update(state);
         let (cost, rows) = levels::level(&mut self.below, &mut self.problem, level);
@@ -322,7 +323,7 @@ impl<S: QpSolver> DifferentialIk<S> {
         }
     }
 
-    /// Clears the state of the previous tick at the start of an episode.
+    /// Clears the state of the previous tick. Call this at the start of an episode.
     pub fn reset(&mut self) {
         self.solver.reset();
         self.relaxed.iter_mut().for_each(Relaxation::reset);
@@ -332,39 +333,40 @@ impl<S: QpSolver> DifferentialIk<S> {
         self.velocity.fill(0.0);
     }
 
-    /// Joint velocity of the last [`solve`](Self::solve) \[rad/s or m/s\].
+    /// Returns the joint velocity of the last [`solve`](Self::solve) \[rad/s or m/s\].
     pub fn velocity(&self) -> &[f64] {
         &self.velocity[..self.motions]
     }
 
-    /// The unknowns of the last solution: velocities, then the [`slack`](Self::slack) of soft limits.
+    /// Returns the unknowns of the last solution: velocities, then the [`slack`](Self::slack) of soft limits.
     pub fn unknowns(&self) -> &[f64] {
         &self.velocity
     }
 
-    /// Replaces the solution by these unknowns, such as a [mixture](crate::Mixture) of solutions.
+    /// Replaces the last solution by `unknowns`, such as a [mixture](crate::Mixture) of solutions.
     pub fn set_unknowns(&mut self, unknowns: &[f64]) {
         self.velocity.copy_from_slice(unknowns);
     }
 
-    /// Total iterations of the last [`solve`](Self::solve), over all solutions of the first level, relaxed or
-    /// not, and of the levels below.
+    /// Returns the total number of iterations of the last [`solve`](Self::solve): all solutions of the first
+    /// level, relaxed or not, and of the levels below.
     pub fn iterations(&self) -> u32 {
         self.iterations
     }
 
-    /// Number of levels below the first that the last [`solve`](Self::solve) left undecided because their
-    /// solver found no solution. They cause no motion; the solution of the levels above holds.
+    /// Returns the number of levels below the first that the last [`solve`](Self::solve) left undecided
+    /// because their solver found no solution. They cause no motion; the solution of the levels above remains
+    /// valid.
     pub fn undecided(&self) -> u32 {
         self.undecided
     }
 
-    /// Returns the current problem.
+    /// Returns the current quadratic program.
     pub fn problem(&self) -> &Problem {
         &self.problem
     }
 
-    /// The solver.
+    /// Returns the solver.
     pub fn solver(&self) -> &S {
         &self.solver
     }

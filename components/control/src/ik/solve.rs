@@ -15,21 +15,21 @@ const HASTE: f64 = 0.5;
 const EASED: u32 = 2;
 
 impl<S: QpSolver> DifferentialIk<S> {
-    /// Solves the assembled problem and returns the joint velocity, exactly within its bounds.
+    /// Solves the assembled problem and returns the joint velocity, which satisfies its bounds exactly.
     ///
-    /// A row beyond its limit returns at a speed permitted by the acceleration limit. Contradictory
-    /// constraints are relaxed in this order:
+    /// A row beyond its limit returns at a speed permitted by the acceleration limit. If constraints are
+    /// contradictory, they are relaxed in this order:
     ///
-    /// 1. Among the returning rows of the conflict, the one least beyond its limit
-    ///    [stays](crate::limits::LimitRows::push_barrier) there.
-    /// 2. Joints brake beyond the [acceleration limit](Self::add_acceleration_limit), first the conflicting
-    ///    ones. Joints accelerate beyond it only if a contact or an exact task requires it.
-    /// 3. With a [relaxation](super::IkSettings::relaxation), contacts and exact tasks are violated.
+    /// 1. Of the returning rows in the conflict, the row least beyond its limit
+    ///    [stays](crate::limits::LimitRows::push_barrier) in place.
+    /// 2. Joints brake beyond the [acceleration limit](Self::add_acceleration_limit), conflicting joints
+    ///    first. Joints accelerate beyond the limit only if a contact or an exact task requires it.
+    /// 3. If [relaxation](super::IkSettings::relaxation) is enabled, contacts and exact tasks are violated.
     ///
-    /// [`conflict`](Self::conflict) returns the contradictory constraints and the violation.
+    /// [`conflict`](Self::conflict) then returns the contradictory constraints and the violation.
     ///
     /// # Errors
-    /// [`IkError`]; [`velocity`](Self::velocity) is zero then.
+    /// [`IkError`] if no solution was found; [`velocity`](Self::velocity) is then zero.
     pub fn solve(&mut self) -> Result<&[f64], IkError> {
         (self.conflict, self.exceeds_acceleration) = (None, false);
         (self.iterations, self.undecided) = (0, 0);

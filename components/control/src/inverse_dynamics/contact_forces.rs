@@ -7,8 +7,8 @@ use super::InverseDynamics;
 use crate::contact::{Contact, ContactShape};
 
 impl InverseDynamics {
-    /// Force of a contact and its torque about the origin of the contact's frame in the last solution, world
-    /// axes \[N, Nm\].
+    /// Returns the wrench of a contact in the last solution: the force on the robot and its torque about the
+    /// origin of the contact's frame, world axes \[N, Nm\].
     pub fn wrench(&self, contact: usize) -> Twist {
         let place = &self.contacts[contact];
         let mut wrench = Twist::zero();
@@ -21,12 +21,12 @@ impl InverseDynamics {
         wrench
     }
 
-    /// Centre of pressure of a sole \[m\] along x and y of its frame, from the frame's origin, in the last
-    /// solution: the point about which its normal forces have no torque. `None` for other shapes and unloaded
-    /// contacts.
+    /// Returns the centre of pressure of a sole in the last solution: the point about which its normal forces
+    /// have no torque. The coordinates are along x and y of the sole's frame, from its origin \[m\]. Returns
+    /// `None` for other shapes and unloaded contacts.
     ///
-    /// On level ground it equals the zero-moment point of the foot. It stays within the sole, less its
-    /// [margin](Contact::margin), since the forces at the corners only push.
+    /// On level ground it equals the zero-moment point of the foot. It stays within the sole less its
+    /// [margin](Contact::margin), since the forces at the corners can only push.
     pub fn centre_of_pressure(&self, contact: usize) -> Option<[f64; 2]> {
         let place = &self.contacts[contact];
         let ContactShape::Sole { .. } = place.contact.shape else { return None };
@@ -39,13 +39,13 @@ impl InverseDynamics {
         (normal > 0.0).then(|| [moment.x / normal, moment.y / normal])
     }
 
-    /// Contacts in the order of construction.
+    /// Returns the contacts in the order of construction.
     pub fn contacts(&self) -> impl ExactSizeIterator<Item = &Contact> {
         self.contacts.iter().map(|place| &place.contact)
     }
 
-    /// Index of a contact's point among the points of all contacts: the position of its force in the
-    /// [forces](InverseDynamicsSolution::forces), in triples.
+    /// Returns the index of a contact's point among the points of all contacts. The force of point `k` is in
+    /// entries `3 k` to `3 k + 2` of [`forces`](InverseDynamicsSolution::forces).
     pub fn point_number(&self, contact: usize, point: usize) -> usize {
         self.contacts[contact].first_point + point
     }
@@ -61,18 +61,18 @@ impl InverseDynamics {
     }
 
     /// Sets the maximum normal force at each point of a contact \[N\] from the next [`begin`](Self::begin).
-    /// Ramp it to zero to unload a contact before lifting it.
+    /// To unload a contact before lifting it, ramp this force to zero.
     pub fn set_max_force(&mut self, contact: usize, force: f64) {
         self.contacts[contact].contact.max_force = force;
     }
 
-    /// Sets the surface normal at a contact, of unit length, from the next [`begin`](Self::begin). A sole
-    /// uses its frame's normal.
+    /// Sets the unit surface normal at a contact from the next [`begin`](Self::begin). Ignored for a sole,
+    /// which uses its frame's normal.
     pub fn set_normal(&mut self, contact: usize, normal: Vector3<f64>) {
         self.contacts[contact].contact.normal = normal;
     }
 
-    /// Sets the friction of a contact from the next [`begin`](Self::begin).
+    /// Sets the coefficient of friction of a contact from the next [`begin`](Self::begin).
     pub fn set_friction(&mut self, contact: usize, friction: f64) {
         self.contacts[contact].contact.friction = friction;
     }

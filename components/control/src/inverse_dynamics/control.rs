@@ -19,8 +19,8 @@ use crate::levels::{self, LowerLevels, Rows};
 use crate::relaxation::{Relaxable, Relaxation};
 
 /// Whole-body inverse dynamics: computes the accelerations and contact forces that minimise a weighted sum of
-/// task costs within all constraints, and the resulting torques; see the [module](super). Nothing allocates
-/// after construction.
+/// task costs within all constraints, and the resulting torques; see the [module](super). Only construction
+/// allocates.
 #[derive(Debug)]
 pub struct InverseDynamics {
     pub(crate) settings: InverseDynamicsSettings,
@@ -57,12 +57,13 @@ impl InverseDynamics {
         Self::with_settings(model, contacts, InverseDynamicsSettings::default())
     }
 
-    /// Creates inverse dynamics with these settings.
+    /// Creates inverse dynamics for `model` on `contacts` with these settings. All contacts are active.
     pub fn with_settings(model: &Model, contacts: Vec<Contact>, settings: InverseDynamicsSettings) -> Self {
         Self::with_room(model, contacts, settings, DynamicsRows::default())
     }
 
-    /// Creates inverse dynamics with these settings and capacity for limits and constraint tasks.
+    /// Creates inverse dynamics for `model` on `contacts` with these settings, and with row capacity for
+    /// limits and constraint tasks.
     pub fn with_room(
         model: &Model,
         contacts: Vec<Contact>,
@@ -141,8 +142,9 @@ impl InverseDynamics {
         }
     }
 
-    /// Sets levels of strict priority, highest first. Each entry is the maximum total number of rows of the
-    /// level's tasks ([`AccelerationTask::rows`]). A relaxed tick solves the first level only.
+    /// Defines levels of strict priority, highest first. Each entry of `rows` is the row capacity of one
+    /// level: the maximum total number of rows of its tasks ([`AccelerationTask::rows`]). A relaxed tick
+    /// solves the first level only.
     #[must_use]
     pub fn levels(mut self, rows: &[usize]) -> Self {
         let cones = has_cones(&self.settings);
@@ -152,7 +154,7 @@ impl InverseDynamics {
         self
     }
 
-    /// Sets a separate regularisation per level, the cost of accelerations and forces, highest level first.
+    /// Sets a separate regularisation per level, highest level first: the cost of accelerations and forces.
     /// Replaces [`InverseDynamicsSettings::damping`].
     ///
     /// # Panics
@@ -164,7 +166,7 @@ impl InverseDynamics {
     }
 
     /// Starts a tick of `dt` seconds without tasks: writes the equations of motion, contacts and limits at
-    /// this state.
+    /// `state`.
     pub fn begin(&mut self, state: &MotionState<'_>, dt: f64) {
         self.pose(state, dt);
         let damping = self.settings.damping;
@@ -190,10 +192,10 @@ impl InverseDynamics {
         }
     }
 
-    /// Updates `task` at `state` and adds its cost to a level, 0 for the highest.
+    /// Updates `task` at `state` and adds its cost to a level; level 0 has the highest priority.
     ///
     /// # Panics
-    /// If the level does not exist, or its tasks have more rows than its capacity.
+    /// If the level does not exist, or the rows of its tasks exceed the capacity of the level.
     pub fn add_task(&mut self, state: &MotionState<'_>, level: usize, task: &mut dyn AccelerationTask) {
         task.update(state, self);
         let (cost, rows) = levels::level(&mut self.below, &mut self.problem, level);
@@ -219,51 +221,51 @@ impl InverseDynamics {
         }
     }
 
-    /// The solution of the last [`solve`](Self::solve).
+    /// Returns the solution of the last [`solve`](Self::solve).
     pub fn solution(&self) -> &InverseDynamicsSolution {
         &self.solution
     }
 
-    /// Residual of a task in the last solution: `|A x - b|` over the rows with nonzero weight, in the units
-    /// of the task \[m/s2, rad/s2, N\].
+    /// Returns the residual `|A x - b|` of a task in the last solution, over the rows with nonzero weight, in
+    /// the units of the task \[m/s2, rad/s2, N\].
     pub fn residual(&self, task: &dyn AccelerationTask) -> f64 {
         task.cost().residual(self.x.as_slice())
     }
 
-    /// The unknowns of the last solution: accelerations, then contact forces.
+    /// Returns the unknowns of the last solution: accelerations, then contact forces.
     pub fn unknowns(&self) -> &[f64] {
         self.x.as_slice()
     }
 
-    /// Replaces the [`solution`](Self::solution) by these unknowns, such as a [mixture](crate::Mixture) of
+    /// Replaces the [`solution`](Self::solution) by `unknowns`, such as a [mixture](crate::Mixture) of
     /// solutions, and updates the torques.
     pub fn set_unknowns(&mut self, unknowns: &[f64]) {
         self.x.copy_from_slice(unknowns);
         self.write();
     }
 
-    /// Number of unknowns: accelerations, then three numbers for each contact point.
+    /// Returns the number of unknowns: accelerations, then three numbers for each contact point.
     pub fn variables(&self) -> usize {
         self.order.variables()
     }
 
-    /// Mass matrix at the last [`begin`](Self::begin), nv x nv.
+    /// Returns the mass matrix at the last [`begin`](Self::begin), nv x nv.
     pub fn mass(&self) -> &DMatrix<f64> {
         &self.mass
     }
 
-    /// Bias `C(q, v) v + g(q)`, with the joint damping included by the settings, at the last
-    /// [`begin`](Self::begin), nv.
+    /// Returns the bias `C(q, v) v + g(q)` at the last [`begin`](Self::begin), of length nv. The bias
+    /// includes the joint damping selected by the settings.
     pub fn bias(&self) -> &DVector<f64> {
         &self.bias
     }
 
-    /// Returns the current problem.
+    /// Returns the current quadratic program.
     pub fn problem(&self) -> &Problem {
         &self.problem
     }
 
-    /// The settings.
+    /// Returns the settings.
     pub fn settings(&self) -> &InverseDynamicsSettings {
         &self.settings
     }
@@ -286,7 +288,7 @@ impl InverseDynamics {
         });
     }
 
-    /// Clears the state of the previous tick at the start of an episode.
+    /// Clears the state of the previous tick. Call this at the start of an episode.
     pub fn reset(&mut self) {
         self.solver.reset();
         self.reduced.iter_mut().for_each(Reduced::reset);
@@ -303,14 +305,14 @@ impl InverseDynamics {
 /// A = J,   b = kp e + kd e' + nu' - J' v          kp e: no faster than the largest speeds
 /// ```
 pub trait AccelerationTask {
-    /// Evaluates the error, `A` and `b` at this state. `dynamics` must have started its tick at the same
-    /// state.
+    /// Evaluates the error, `A` and `b` at `state`. [`begin`](InverseDynamics::begin) of `dynamics` must
+    /// already have been called with the same state.
     fn update(&mut self, state: &MotionState<'_>, dynamics: &InverseDynamics);
 
     /// Returns the cost of the last update.
     fn cost(&self) -> &Cost;
 
-    /// Number of rows of `A`.
+    /// Returns the number of rows of `A`.
     fn rows(&self) -> usize {
         self.cost().rows()
     }

@@ -11,8 +11,9 @@ impl InverseDynamics {
     /// tau = g(q) - J_a' f        f: the contact forces of the last solution, of the contacts that are active
     /// ```
     ///
-    /// `state` is the state of the last [`begin`](Self::begin). These torques are the feed-forward of held
-    /// joints in a tick without a solution; the previous torques would continue to accelerate them.
+    /// `state` must be the state of the last [`begin`](Self::begin). These torques are the feed-forward of
+    /// held joints in a tick without a solution; the previous torques would continue to accelerate the
+    /// joints.
     ///
     /// ```
     /// use motorium_control::inverse_dynamics::{InverseDynamics, MotionState};

@@ -36,9 +36,9 @@ with_defaults! {
 
     /// Deceleration that always suffices to stop a joint, rad/s2 or m/s2, more than 0. Default 20.
     pub braking: f64 = 20.0;
-    /// Largest acceleration and deceleration, rad/s2 or m/s2, at least `braking`. Default 1000.
+    /// Maximum acceleration and deceleration, rad/s2 or m/s2. Must not be less than `braking`. Default 1000.
     pub max_acceleration: f64 = 1000.0;
-    /// Distance kept from the position limits of the robot, rad or m, at least 0; limited to half the range.
+    /// Distance kept from the position limits of the robot, rad or m, at least 0. Limited to half the range.
     /// Default 0.
     pub margin: f64 = 0.0;
     /// Fraction of the robot's velocity limits that may be used, more than 0, at most 1. Default 1.

@@ -15,11 +15,12 @@ use crate::limits::{LimitRows, RowLimit, are_alike};
 const NAMED: u32 = 8;
 
 impl InverseDynamics {
-    /// Limits the acceleration and the braking of each joint \[rad/s2 or m/s2\], above 0, in addition to
-    /// [`InverseDynamicsSettings::joints`](super::InverseDynamicsSettings::joints). Default infinite.
+    /// Limits the acceleration and deceleration of each joint to `most` \[rad/s2 or m/s2\], above 0, in
+    /// addition to [`InverseDynamicsSettings::joints`](super::InverseDynamicsSettings::joints). Default
+    /// infinite.
     ///
     /// # Panics
-    /// If `most` does not have one number for each joint.
+    /// If the length of `most` differs from the number of joints.
     #[must_use]
     pub fn limit_accelerations(mut self, most: DVector<f64>) -> Self {
         assert_eq!(most.len(), self.order.joints, "one acceleration for each joint");
@@ -27,19 +28,19 @@ impl InverseDynamics {
         self
     }
 
-    /// Sets the acceleration of a joint to zero for this tick and ignores its limits. Used for a joint moved
-    /// by the gains of its drive.
+    /// Sets the acceleration of a joint to zero for this tick and ignores its limits. Use this for a joint
+    /// that its drive moves by its gains.
     pub fn coast(&mut self, joint: usize) {
         let variable = self.order.base + joint;
         (self.problem.lower[variable], self.problem.upper[variable]) = (0.0, 0.0);
     }
 
-    /// Adds the rows of `limit`, which bound velocities by `lower(q) <= G(q) v <= upper(q)`, as bounds of the
-    /// accelerations of a tick of `dt` seconds.
+    /// Adds the rows of `limit`, which bound velocities by `lower(q) <= G(q) v <= upper(q)`. They become
+    /// bounds on the accelerations of a tick of `dt` seconds.
     ///
     /// This is a second-order control barrier. A limit of a distance `h` requires `h' >= -rate h`, which
-    /// defines a second barrier `e = upper - G v` that may shrink no faster than `barrier_rate` e. In
-    /// discrete time, with the robot at `q' = q + v dt` in the next tick,
+    /// defines a second barrier `e = upper - G v`. This barrier may shrink no faster than at
+    /// `barrier_rate e`. In discrete time, with the robot at `q' = q + v dt` in the next tick,
     ///
     /// ```text
     /// e = upper(q') - G(q') v
@@ -84,7 +85,7 @@ impl InverseDynamics {
     /// ```
     ///
     /// # Panics
-    /// If the capacity for rows is exceeded.
+    /// If the limit rows exceed the capacity.
     pub fn add_row_limit(&mut self, state: &MotionState<'_>, limit: &mut dyn RowLimit, dt: f64) {
         let MotionState { model, q, v, .. } = *state;
         let Self { predicted, problem, order, next_limit, settings, .. } = self;
@@ -197,10 +198,11 @@ impl InverseDynamics {
     }
 
     /// Updates `task` at `state` and makes it a constraint above all levels: `A x = b` holds exactly for the
-    /// rows with nonzero weight. If constraints contradict each other, it is relaxed like contacts at rest.
+    /// rows with nonzero weight. If constraints contradict each other, the task is relaxed like contacts at
+    /// rest.
     ///
     /// # Panics
-    /// If the capacity for rows is exceeded.
+    /// If the constraint rows exceed the capacity.
     pub fn constrain(&mut self, state: &MotionState<'_>, task: &mut dyn AccelerationTask) {
         task.update(state, self);
         self.constrained.clear();
@@ -210,11 +212,11 @@ impl InverseDynamics {
         levels::write_exact(&self.constrained, &mut self.problem, first, &mut self.below);
     }
 
-    /// Skips constraint rows of an inactive task in this tick, so that the rows of later tasks keep their
+    /// Skips the constraint rows of an inactive task in this tick, so that the rows of later tasks keep their
     /// indices.
     ///
     /// # Panics
-    /// If the capacity for rows is exceeded.
+    /// If the constraint rows exceed the capacity.
     pub fn skip_constraint(&mut self, rows: usize) {
         self.next_constrained += rows;
         assert!(
@@ -223,8 +225,8 @@ impl InverseDynamics {
         );
     }
 
-    /// Calls `visit` with each point of the active contacts, in the world, at the last [`begin`](Self::begin)
-    /// with `state`.
+    /// Calls `visit` with the world position \[m\] of each point of the active contacts at the last
+    /// [`begin`](Self::begin), which must have been called with `state`.
     pub fn visit_support(&self, state: &MotionState<'_>, visit: &mut dyn FnMut(Vector3<f64>)) {
         for place in self.contacts.iter().filter(|place| place.active) {
             let origin = state.kinematics.pose(state.model, place.contact.frame).translation.vector;

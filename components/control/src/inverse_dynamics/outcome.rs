@@ -13,7 +13,7 @@ with_defaults! {
     #[derive(Clone, Copy, Debug, PartialEq)]
     pub struct InverseDynamicsSettings;
 
-    /// Acceleration of free fall in the world \[m/s2\]. Default (0, 0, -9.81).
+    /// Gravitational acceleration in the world \[m/s2\]. Default (0, 0, -9.81).
     pub gravity: Vector3<f64> = Vector3::new(0.0, 0.0, -9.81);
     /// Tikhonov regularisation: cost of any acceleration \[1/(rad/s2)^2\] and of any contact force \[1/N^2\].
     /// Default 1e-7.
@@ -23,26 +23,28 @@ with_defaults! {
     pub force_weight: f64 = 1e-3;
     /// Decay rate of the velocity of a slipping contact \[1/s\]. Default 20.
     pub contact_damping: f64 = 20.0;
-    /// Form of the friction of the contacts. Default a pyramid.
+    /// Friction model of the contacts. Default: a pyramid.
     pub friction_model: FrictionModel = FrictionModel::Pyramid;
-    /// Quantities that the problem decides. Default both accelerations and contact forces.
+    /// Quantities that the problem decides. Default: both accelerations and contact forces.
     pub unknowns: Unknowns = Unknowns::AccelerationsAndForces;
-    /// Limits of the joints.
+    /// Acceleration limits of the joints.
     pub joints: JointAccelerationLimits = JointAccelerationLimits::default();
     /// Fraction of the viscous joint damping in the robot's file that is included in the bias and compensated
-    /// by the drives. Default 0, because files often state damping that the joint does not have.
+    /// by the drives, 0 to 1. Default 0, because files often specify damping that the joint does not have.
     pub joint_damping: f64 = 0.0;
-    /// Rate at which the margin between a velocity and its [limit](super::InverseDynamics::add_row_limit) may
-    /// shrink \[1/s\]; limited to the tick rate. Default 100.
+    /// Maximum decay rate of the margin between a velocity and its
+    /// [limit](super::InverseDynamics::add_row_limit) \[1/s\]; limited to the tick rate. Default 100.
     pub barrier_rate: f64 = 100.0;
-    /// Fraction of the torque limits to use. Default 1.
+    /// Fraction of the torque limits that may be used. Default 1.
     pub torque_fraction: f64 = 1.0;
-    /// Weight of contacts at rest and joint limits when constraints are contradictory: cost of violating them
-    /// \[1/(m/s2) or 1/(rad/s2)\]. Equations of motion, torque limits and friction are physical constraints,
-    /// are never relaxed, and always admit a solution. With `None` such a tick has no solution. Default 100.
+    /// Weight of contacts at rest and joint limits if constraints are contradictory: cost of violating them
+    /// \[1/(m/s2) or 1/(rad/s2)\]. Equations of motion, torque limits and friction are physical constraints:
+    /// they are never relaxed and always admit a solution. With `None` such a tick has no solution. Default
+    /// 100.
     pub relaxation: Option<f64> = Some(100.0);
-    /// Maximum total number of iterations in a tick, which bounds its time. Half of them are reserved for the
-    /// relaxation, if enabled; the remainder after the first level is available to lower levels. Default 500.
+    /// Maximum total number of iterations in a tick, which bounds its duration. If relaxation is enabled,
+    /// half of the iterations are reserved for it. The iterations that the first level does not use are
+    /// available to lower levels. Default 500.
     pub max_iterations: u32 = 500;
 }
 
@@ -54,8 +56,8 @@ pub enum Unknowns {
     #[default]
     AccelerationsAndForces,
     /// Accelerations of base and joints only. Contacts stay at rest, and joints and velocities keep their
-    /// limits; forces and torques are not limited. Afterwards, contact forces within friction are chosen for
-    /// these accelerations, and torques are computed from the model: `tau = M_a a - J_a' f + h_a`.
+    /// limits; forces and torques are not limited. Contact forces within friction are then chosen for these
+    /// accelerations, and torques are computed from the model: `tau = M_a a - J_a' f + h_a`.
     Accelerations,
     /// Contact forces only. They move the base of a robot whose joints rest: `M_b a_b = J_b' f - h_b`.
     /// Friction, unilateral forces, wrenches of soles and torque limits apply. A motion task of the body
@@ -64,27 +66,27 @@ pub enum Unknowns {
     Forces,
 }
 
-/// Form of Coulomb's friction `|f_t| <= mu f_n` in the problem.
+/// Form of the Coulomb friction constraint `|f_t| <= mu f_n` in the problem.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum FrictionModel {
-    /// Four faces inscribed in the cone, `|f_x|, |f_y| <= mu / sqrt(2) f_n`: 29 % less friction along the
-    /// tangents, none lost between them. Solved by the active-set method.
+    /// Four faces inscribed in the cone, `|f_x|, |f_y| <= mu / sqrt(2) f_n`. Friction is 29 % less along the
+    /// tangents, and exact halfway between them. Solved by the active-set method.
     #[default]
     Pyramid,
-    /// The exact cone, solved by Clarabel: full friction in every direction, at tens of times the cost of a
-    /// pyramid and with one allocation per level and tick. Relaxed ticks use a pyramid.
+    /// The exact cone, solved by Clarabel. Friction is exact in every direction, at tens of times the cost of
+    /// a pyramid and with one allocation per level and tick. Relaxed ticks use a pyramid.
     Cone,
 }
 
 /// Error of a tick without a solution.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum InverseDynamicsError {
-    /// The state, a target or a setting is not a number, or limits cross.
-    #[error("inverse dynamics cannot be posed: {0}")]
+    /// The state, a target or a setting is not finite, or a lower limit exceeds an upper limit.
+    #[error("the inverse dynamics problem is invalid: {0}")]
     Pose(#[from] UpdateError),
     /// The constraints contradict each other.
-    #[error("no motion satisfies all constraints; relax one of the conflicting ones")]
+    #[error("no motion satisfies all constraints; relax one of the conflicting constraints")]
     Infeasible(Conflicting),
     /// The solver found no solution.
     #[error("inverse dynamics has no solution: {0}")]
@@ -96,13 +98,13 @@ pub enum InverseDynamicsError {
 pub struct Slack {
     /// Largest violation of a contact's acceleration \[m/s2 or rad/s2\].
     pub contact: f64,
-    /// Largest acceleration of a joint beyond its limits \[rad/s2 or m/s2\].
+    /// Largest excess of a joint's acceleration over its limits \[rad/s2 or m/s2\].
     pub joint: f64,
-    /// Largest acceleration beyond a limit of velocities \[m/s2 or rad/s2\].
+    /// Largest excess of an acceleration over a velocity limit's bound \[m/s2 or rad/s2\].
     pub limit: f64,
-    /// Largest residual of a task that is a constraint, in the units of its rows with their weights.
+    /// Largest weighted residual of a constraint task, in the units of its rows.
     pub task: f64,
-    /// The constraints that conflict.
+    /// The contradictory constraints.
     pub conflict: Conflicting,
 }
 
@@ -122,19 +124,22 @@ impl Slack {
 /// Accelerations, torques and contact forces of one tick.
 #[derive(Clone, Debug)]
 pub struct InverseDynamicsSolution {
-    /// Generalised accelerations, nv \[as `a` of [`motorium_robots`]\].
+    /// Generalised accelerations, of length nv, in the convention of [`motorium_robots`].
     pub acceleration: DVector<f64>,
     /// Torques of the drives, one per independent joint \[Nm or N\].
     pub torque: DVector<f64>,
-    /// Contact forces: for each point of each contact two tangential components and the normal one \[N\].
+    /// Contact forces: for each point of each contact, two tangential components and the normal component
+    /// \[N\].
     pub forces: DVector<f64>,
-    /// Violations of relaxed limits, if any.
+    /// Violations of relaxed constraints; `None` if nothing was relaxed.
     pub slack: Option<Slack>,
-    /// Total iterations in the tick: all solutions of the first level, relaxed or not, and the levels below.
+    /// Total number of iterations in the tick: all solutions of the first level, relaxed or not, and of the
+    /// levels below.
     pub iterations: u32,
-    /// Number of levels below the first left undecided because their solver reached its limit; they cause no
-    /// motion.
+    /// Number of levels below the first that were left undecided because their solver reached its limit. They
+    /// cause no motion.
     pub undecided: u32,
-    /// Number of constraints that act on the solution: torque limits, faces of friction pyramids, bounds.
+    /// Number of constraints that are active at the solution: torque limits, faces of friction pyramids,
+    /// bounds.
     pub active: usize,
 }

@@ -2,13 +2,13 @@
 
 use motorium_robots::{Kinematics, Model};
 
-/// Capacity of an [`InverseDynamics`](super::InverseDynamics) in rows, in addition to contacts, torques and
+/// Row capacity of an [`InverseDynamics`](super::InverseDynamics), in addition to contacts, torques and
 /// joints.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct DynamicsRows {
-    /// Rows of tasks that are constraints.
+    /// Number of rows of constraint tasks.
     pub constrained: usize,
-    /// Rows of limits.
+    /// Number of rows of limits.
     pub limits: usize,
 }
 

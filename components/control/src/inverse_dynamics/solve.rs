@@ -12,7 +12,7 @@ impl InverseDynamics {
     /// Solves the assembled problem.
     ///
     /// # Errors
-    /// [`InverseDynamicsError`] if the constraints are infeasible and may not be relaxed, or the solver
+    /// [`InverseDynamicsError`] if the constraints are infeasible and relaxation is disabled, or the solver
     /// reached its limit.
     pub fn solve(&mut self) -> Result<&InverseDynamicsSolution, InverseDynamicsError> {
         (self.solution.slack, self.solution.undecided, self.solution.iterations) = (None, 0, 0);

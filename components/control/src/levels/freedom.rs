@@ -6,7 +6,7 @@ use nalgebra::{DMatrix, DVector};
 /// row.
 const UNSEEN: f64 = 1e-7;
 
-/// Weighted rows `W A` of the tasks of one level, and `W b`, up to a fixed capacity.
+/// Weighted rows `W A` of the tasks of one level, and `W b`, with a fixed capacity.
 #[derive(Clone, Debug)]
 pub struct Rows {
     /// Transposed, so that a row is a contiguous column: n x capacity.
@@ -32,10 +32,10 @@ impl Rows {
         rows.zip(self.desired.iter().copied()).take(self.count)
     }
 
-    /// Appends a zero row with the target `desired` and returns it for writing.
+    /// Appends a zero row whose entry of `W b` is `desired`, and returns the row for writing.
     ///
     /// # Panics
-    /// If a task writes more rows than declared.
+    /// If the rows exceed the capacity, because a task writes more rows than declared.
     pub fn push(&mut self, desired: f64) -> &mut [f64] {
         self.desired[self.count] = desired;
         let variables = self.transposed.nrows();

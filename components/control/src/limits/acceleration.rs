@@ -21,9 +21,9 @@ use crate::checks::{in_range, per_joint};
 /// b(l) = sqrt(2 a l - (a / r)^2)    else
 /// ```
 ///
-/// `b` is the speed from which a deceleration of `a` joins the exponential approach of [`PositionLimit`],
-/// with the same `rate` and `margin`. Limits of positions and velocities take precedence. Unlike them, this
-/// limit does not let a moving joint stop immediately.
+/// `b` is the speed from which a deceleration of `a` merges into the exponential approach of
+/// [`PositionLimit`], with the same `rate` and `margin`. Limits of positions and velocities take precedence.
+/// Unlike them, this limit does not let a moving joint stop immediately.
 /// [`DifferentialIk::add_acceleration_limit`](crate::DifferentialIk::add_acceleration_limit) drops it if
 /// other constraints contradict it.
 #[derive(Clone, Debug, PartialEq)]
@@ -34,7 +34,7 @@ pub struct AccelerationLimit {
 
 impl AccelerationLimit {
     /// Creates a limit from the maximum acceleration of each joint \[rad/s2 or m/s2\], above 0; infinity
-    /// means no limit.
+    /// means no limit. `position` sets the `rate` and `margin` of the approach to position limits.
     ///
     /// # Panics
     /// If the length differs from the number of joints of `model`.
@@ -43,7 +43,7 @@ impl AccelerationLimit {
         Self { position, most }
     }
 
-    /// Largest acceleration of each joint \[rad/s2 or m/s2\].
+    /// Returns the maximum acceleration of each joint \[rad/s2 or m/s2\].
     pub fn most(&self) -> &DVector<f64> {
         &self.most
     }
@@ -77,7 +77,7 @@ impl AccelerationLimit {
 }
 
 with_defaults! {
-    /// Largest accelerations of the joints. Joints start to brake in time for their position limits.
+    /// Maximum accelerations of the joints. Joints start to brake in time for their position limits.
     ///
     /// ```toml
     /// fraction = 0.5
@@ -86,7 +86,7 @@ with_defaults! {
     #[serde(default, deny_unknown_fields)]
     pub struct AccelerationConfig;
 
-    /// Fraction of the acceleration limits to use, above 0, at most 1. Default 1.
+    /// Fraction of the acceleration limits that may be used, above 0, at most 1. Default 1.
     pub fraction: f64 = 1.0;
     /// Maximum acceleration, rad/s2 or m/s2, above 0: one number, or one per joint. Default: the limits in
     /// the robot's profile; a joint without a limit is unlimited.

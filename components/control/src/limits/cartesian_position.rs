@@ -15,8 +15,8 @@ const RECOVERY: f64 = 0.01;
 /// n' J_v v  <=  min(rate, 1/dt) (d - margin - n' p)               m/s, at least -0.01
 /// ```
 ///
-/// (OpenSoT's constraint.) Use it for a table, a wall or a box around the hand. A frame beyond a plane
-/// returns at up to 1 cm per second, or stays if other limits prevent the return.
+/// (OpenSoT's constraint.) Use this limit for a table, a wall or a box around the hand. A frame beyond a
+/// plane returns at up to 1 cm per second, or stays if other limits prevent the return.
 #[derive(Clone, Debug)]
 pub struct CartesianPositionLimit {
     frame: FrameId,
@@ -28,14 +28,14 @@ pub struct CartesianPositionLimit {
 }
 
 impl CartesianPositionLimit {
-    /// Creates a limit for `frame` of `model` and these planes, each with the normal that points out of the
-    /// half-space and the offset `d` along it \[m\]. The default rate is 5 1/s.
+    /// Creates a limit that keeps `frame` of `model` on the inner side of `planes`. Each plane has an outward
+    /// normal and an offset `d` along the normal \[m\]. The default rate is 5 1/s.
     pub fn new(model: &Model, frame: FrameId, planes: Vec<(Unit<Vector3<f64>>, f64)>) -> Self {
         Self { frame, rate: 5.0, margin: 0.0, planes, jacobian: Matrix6xX::zeros(model.nv()) }
     }
 
-    /// Creates a limit to a box along the axes of the world, between two corners \[m\]. An infinite
-    /// coordinate is not limited.
+    /// Creates a limit that keeps `frame` in a box along the axes of the world, between two corners \[m\].
+    /// Infinite coordinates are not limited.
     pub fn within(model: &Model, frame: FrameId, lower: Vector3<f64>, upper: Vector3<f64>) -> Self {
         let mut planes = Vec::with_capacity(6);
         for (axis, unit) in [Vector3::x_axis(), Vector3::y_axis(), Vector3::z_axis()].into_iter().enumerate()
@@ -46,8 +46,8 @@ impl CartesianPositionLimit {
         Self::new(model, frame, planes)
     }
 
-    /// Sets the fraction of the remaining distance that may be covered per second \[1/s\], and the margin
-    /// \[m\].
+    /// Sets the rate, which is the fraction of the remaining distance that may be covered per second \[1/s\],
+    /// and the margin \[m\].
     #[must_use]
     pub fn with(mut self, rate: f64, margin: f64) -> Self {
         (self.rate, self.margin) = (rate, margin);

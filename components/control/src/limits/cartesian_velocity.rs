@@ -13,7 +13,7 @@ use crate::RobotState;
 /// -angular <= J_w v <= angular                    rad/s
 /// ```
 ///
-/// (OpenSoT's constraint.) An infinite bound omits its three rows.
+/// (OpenSoT's constraint.) If a bound is infinite, its three rows are omitted.
 #[derive(Clone, Debug)]
 pub struct CartesianVelocityLimit {
     frame: FrameId,
@@ -23,8 +23,8 @@ pub struct CartesianVelocityLimit {
 }
 
 impl CartesianVelocityLimit {
-    /// Creates a limit for `frame` of `model`: `linear` \[m/s\] and `angular` \[rad/s\], at least 0, along
-    /// and about each axis.
+    /// Creates a limit for `frame` of `model`. The bounds `linear` \[m/s\] and `angular` \[rad/s\] are at
+    /// least 0 and apply to each axis separately.
     pub fn new(model: &Model, frame: FrameId, linear: f64, angular: f64) -> Self {
         Self { frame, linear, angular, jacobian: Matrix6xX::zeros(model.nv()) }
     }

@@ -16,7 +16,7 @@ use crate::checks::in_range;
 /// -most <= J_com v <= most                                m/s
 /// ```
 ///
-/// (OpenSoT's constraint.) An infinite bound omits its axis.
+/// (OpenSoT's constraint.) An axis with an infinite bound is omitted.
 #[derive(Clone, Debug)]
 pub struct CentreOfMassVelocityLimit {
     most: Vector3<f64>,
@@ -24,7 +24,7 @@ pub struct CentreOfMassVelocityLimit {
 }
 
 impl CentreOfMassVelocityLimit {
-    /// Creates a limit for `model` with the largest speeds along x, y and z of the world \[m/s\], at least 0.
+    /// Creates a limit for `model` with the maximum speeds along x, y and z of the world \[m/s\], at least 0.
     pub fn new(model: &Model, most: Vector3<f64>) -> Self {
         Self { most, jacobian: Matrix3xX::zeros(model.nv()) }
     }
@@ -45,15 +45,15 @@ impl RowLimit for CentreOfMassVelocityLimit {
     }
 }
 
-/// Largest speeds of the centre of mass along the axes of the world, in all levels.
+/// Maximum speeds of the centre of mass along the axes of the world, enforced at every level.
 #[derive(Debug, Clone, Copy, Default, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct CentreOfMassLimitConfig {
-    /// Largest speed along x, m/s, at least 0. Default: no limit.
+    /// Maximum speed along x, m/s, at least 0. Default: no limit.
     pub x: Option<f64>,
-    /// Largest speed along y, m/s, at least 0. Default: no limit.
+    /// Maximum speed along y, m/s, at least 0. Default: no limit.
     pub y: Option<f64>,
-    /// Largest speed along z, m/s, at least 0. Default: no limit.
+    /// Maximum speed along z, m/s, at least 0. Default: no limit.
     pub z: Option<f64>,
 }
 

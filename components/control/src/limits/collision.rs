@@ -19,7 +19,7 @@ with_defaults! {
     #[derive(Clone, Copy, Debug, PartialEq)]
     pub struct CollisionSettings;
 
-    /// Minimum distance \[m\]. Default 0.02.
+    /// Minimum distance of two solids \[m\]. Default 0.02.
     pub distance: f64 = 0.02;
     /// Distance within which pairs are considered \[m\]. Default 0.2.
     pub range: f64 = 0.2;
@@ -34,7 +34,7 @@ with_defaults! {
 /// Rows for the witnesses of the nearest pairs.
 const WITNESSES: usize = 32;
 
-/// Slows down the approach of pairs of solids, of the robot or of robot and obstacle:
+/// Slows the approach of pairs of solids: two of the robot, or one of the robot and an obstacle:
 ///
 /// ```text
 /// dd/dq v  >=  -min(rate, 1/dt) (d - distance)                    m/s, at most recovery
@@ -50,8 +50,8 @@ const WITNESSES: usize = 32;
 /// [witness](Collisions::witnesses), 32 in total: enough for all witnesses of two pairs, and at least eight
 /// of a third.
 ///
-/// If only a [bound](Proximity::is_bound) of a distance is known, the solids neither approach each other
-/// beyond it nor separate.
+/// If only a [bound](Proximity::is_bound) on a distance is known, the solids may neither approach beyond this
+/// bound nor separate.
 ///
 /// ```
 /// use motorium_control::limits::{CollisionLimit, CollisionSettings, RowLimit};
@@ -80,7 +80,7 @@ pub struct CollisionLimit {
 }
 
 impl CollisionLimit {
-    /// Creates a limit for the pairs of `collisions`, built for `model`.
+    /// Creates a limit for the pairs of `collisions`, which must have been built for `model`.
     pub fn new(model: &Model, collisions: CollisionModel, settings: CollisionSettings) -> Self {
         Self {
             settings,
@@ -93,8 +93,9 @@ impl CollisionLimit {
         }
     }
 
-    /// Adds obstacles that [`move_object`](RowLimit::move_object) moves: index of the object in the world,
-    /// index of its solid in the collision model, and frame of the solid in the object.
+    /// Adds obstacles that [`move_object`](RowLimit::move_object) can move. Each entry contains the index of
+    /// the object in the world, the index of its solid in the collision model, and the frame of the solid in
+    /// the object.
     #[must_use]
     pub fn objects(mut self, objects: impl IntoIterator<Item = (usize, usize, Isometry3<f64>)>) -> Self {
         self.objects = objects.into_iter().collect();
@@ -153,21 +154,21 @@ with_defaults! {
     #[serde(default, deny_unknown_fields)]
     pub struct CollisionConfig;
 
-    /// Minimum distance, m, at least 0. Default 0.02.
+    /// Minimum distance of two solids, m, at least 0. Default 0.02.
     pub distance: f64 = CollisionSettings::default().distance;
-    /// Distance within which pairs are considered, m, more than `distance`. Default 0.2.
+    /// Distance within which pairs are considered, m. Must be greater than `distance`. Default 0.2.
     pub range: f64 = CollisionSettings::default().range;
     /// Fraction of the remaining distance that may be covered per second, 1/s, at least 1e-3. Default 5.
     pub rate: f64 = CollisionSettings::default().rate;
     /// Maximum speed at which pairs nearer than `distance` separate, m/s, 0 to 1. Default 0.01.
     pub recovery: f64 = CollisionSettings::default().recovery;
-    /// Maximum number of pairs of solids; the nearest ones are used, 1 to 256. Default 16.
+    /// Maximum number of pairs of solids, 1 to 256; the nearest pairs are used. Default 16.
     pub pairs: usize = CollisionSettings::default().pairs;
-    /// Level ground for the minimum distances: its height, m, or "world" for the ground of the world.
-    /// Default: no ground.
+    /// Level ground from which links keep their distance: its height, m, or "world" for the ground of the
+    /// world. Default: no ground.
     pub ground: Option<LevelGround> = None;
-    /// Objects of the world for the minimum distances: a list of names, or "all". If one of them has a mass,
-    /// the input `object_poses` is required. Default: no objects.
+    /// Objects of the world from which links keep their distance: a list of names, or "all". If one of them
+    /// has a mass, the input `object_poses` is required. Default: no objects.
     pub objects: Option<WorldObjects> = None;
     /// Pairs of links, or of a link and "ground" or an object, to ignore. Pairs of links, and of links and
     /// the ground, that are nearer than `distance` at the home pose are always ignored, since the robot's
@@ -175,17 +176,17 @@ with_defaults! {
     pub ignore: Vec<[String; 2]> = Vec::new();
 }
 
-/// A level ground.
+/// Level ground for minimum distances.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize, JsonSchema)]
 #[serde(untagged, expecting = "expected the height of the ground, m, or \"world\"")]
 pub enum LevelGround {
-    /// Its height, m.
+    /// Height of the ground, m.
     Height(f64),
     /// "world": the ground of the world.
     World(OfWorld),
 }
 
-/// The word "world".
+/// The string "world".
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum OfWorld {
@@ -193,17 +194,17 @@ pub enum OfWorld {
     World,
 }
 
-/// Some objects of the world.
+/// Selection of objects of the world.
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(untagged, expecting = "expected a list of names of objects, or \"all\"")]
 pub enum WorldObjects {
     /// Objects with these names.
     Named(Vec<String>),
-    /// "all".
+    /// All objects, selected by the string "all".
     All(AllObjects),
 }
 
-/// The word "all".
+/// The string "all".
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum AllObjects {

@@ -12,18 +12,18 @@ use super::{
 #[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct LimitsConfig {
-    /// Joint positions.
+    /// Limits of joint positions.
     pub position: PositionLimit,
-    /// Joint velocities.
+    /// Limits of joint velocities.
     pub velocity: VelocityLimit,
-    /// Joint accelerations, without `inverse_dynamics`. Default: no limits.
+    /// Limits of joint accelerations, without `inverse_dynamics`. Default: no limits.
     pub acceleration: Option<AccelerationConfig>,
-    /// Boxes and speeds of frames.
+    /// Limits of the positions and velocities of frames. Default: no limits.
     pub frames: Vec<FrameLimitConfig>,
-    /// Largest speeds of the centre of mass. Default: none.
+    /// Maximum speeds of the centre of mass. Default: no limits.
     pub centre_of_mass_velocity: Option<CentreOfMassLimitConfig>,
-    /// Minimum distances between links, and from the ground and objects of the world. Default: none.
+    /// Minimum distances between links, and from the ground and objects of the world. Default: no limits.
     pub collision: Option<CollisionConfig>,
-    /// A point that must stay above the support. Default: none.
+    /// Point that must stay above the support polygon. Default: no limit.
     pub support: Option<SupportConfig>,
 }

@@ -10,7 +10,7 @@ use super::{CartesianPositionLimit, CartesianVelocityLimit, RowLimit};
 use crate::checks::in_range;
 
 with_defaults! {
-    /// Limits of one frame, in all levels of tasks: a box of the world for its origin, and largest
+    /// Limits of one frame, enforced at every level: a box in the world for its origin, and maximum
     /// velocities.
     #[derive(Debug, Clone, Deserialize, JsonSchema)]
     #[serde(default, deny_unknown_fields)]
@@ -18,20 +18,20 @@ with_defaults! {
 
     /// Link whose frame is limited. Default: the robot's only end effector.
     pub frame: Option<String> = None;
-    /// Smallest and largest coordinate of its origin along x of the world, m. Default: no limit.
+    /// Minimum and maximum coordinate of the frame's origin along x of the world, m. Default: no limit.
     pub x: Option<[f64; 2]> = None;
-    /// Smallest and largest coordinate along y, m. Default: no limit.
+    /// Minimum and maximum coordinate along y, m. Default: no limit.
     pub y: Option<[f64; 2]> = None;
-    /// Smallest and largest coordinate along z, m. Default: no limit.
+    /// Minimum and maximum coordinate along z, m. Default: no limit.
     pub z: Option<[f64; 2]> = None;
     /// Distance kept from the sides of the box, m, at least 0. Default 0.
     pub margin: f64 = 0.0;
     /// Fraction of the remaining distance to a side that may be covered per second, 1/s, at least 1e-3.
     /// Default 5.
     pub rate: f64 = 5.0;
-    /// Largest velocity along each axis of the world, m/s, at least 0. Default: no limit.
+    /// Maximum speed along each axis of the world, m/s, at least 0. Default: no limit.
     pub max_linear: Option<f64> = None;
-    /// Largest angular velocity about each axis of the world, rad/s, at least 0. Default: no limit.
+    /// Maximum angular speed about each axis of the world, rad/s, at least 0. Default: no limit.
     pub max_angular: Option<f64> = None;
 }
 

@@ -33,10 +33,10 @@ use motorium_qp::Problem;
 
 use crate::RobotState;
 
-/// Bounds on the joint velocity `v` \[rad/s or m/s\] that always admit `v = 0`. Any set of such limits is
-/// therefore feasible in every state.
+/// A limit as bounds on the joint velocity `v` \[rad/s or m/s\]. The bounds always admit `v = 0`, so any set
+/// of such limits is feasible in every state.
 pub trait Limit {
-    /// Intersects the bounds of `problem`, whose unknowns are the joint velocities, with this limit for a
+    /// Narrows the bounds of `problem`, whose unknowns are the joint velocities, to satisfy this limit for a
     /// tick of `dt` seconds.
     fn intersect(&self, state: &RobotState<'_>, dt: f64, problem: &mut Problem);
 }

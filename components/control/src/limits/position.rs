@@ -14,17 +14,17 @@ with_defaults! {
     /// min(rate, 1/dt) (q_min + margin - q)  <=  v  <=  min(rate, 1/dt) (q_max - margin - q)
     /// ```
     ///
-    /// so that one tick never crosses a limit and the distance to it shrinks at most exponentially. A joint
-    /// outside its limits may stay or return but not move farther (zero stays feasible, as in OpenSoT).
-    /// Joints without limits are not affected.
+    /// so that one tick never crosses a limit and the distance to the limit shrinks at most exponentially. A
+    /// joint outside its limits may stay or return but not move farther (zero velocity stays feasible, as in
+    /// OpenSoT). Joints without limits are not affected.
     #[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
     #[serde(default, deny_unknown_fields)]
     pub struct PositionLimit;
 
     /// Fraction of the remaining distance that may be covered per second, 1/s, at least 1e-3. Default 20.
     pub rate: f64 = 20.0;
-    /// Distance kept from the limits of the robot, rad or m, at least 0; limited to half the range. Default
-    /// 0.
+    /// Distance kept from the position limits of the robot, rad or m, at least 0. Limited to half the range.
+    /// Default 0.
     pub margin: f64 = 0.0;
 }
 

@@ -5,25 +5,27 @@ use nalgebra::{DMatrix, Isometry3};
 
 use crate::RobotState;
 
-/// Bounds on combinations of the velocities, `lower <= G v <= upper`. They admit `v = 0`, except where a row
-/// beyond its limit must [return](LimitRows::push_barrier).
+/// A limit as bounds on linear combinations of the velocities, `lower <= G v <= upper`. The bounds admit `v =
+/// 0`, except for a row beyond its limit that must [return](LimitRows::push_barrier).
 pub trait RowLimit {
-    /// Maximum number of rows of `G`.
+    /// Returns the maximum number of rows of `G`.
     fn rows(&self) -> usize;
 
-    /// Writes its rows for a tick of `dt` seconds; unwritten rows are unbounded.
+    /// Writes the rows for a tick of `dt` seconds. Rows that are not written are unbounded.
     fn write(&mut self, state: &RobotState<'_>, dt: f64, rows: &mut LimitRows<'_>);
 
-    /// Updates the pose of a moving object of the world, given by its index. Unrelated limits ignore it.
+    /// Updates the pose of a moving object of the world, given by its index. The default implementation
+    /// ignores it.
     fn move_object(&mut self, _object: usize, _pose: &Isometry3<f64>) {}
 
-    /// Smallest distance at the last tick \[m\], for a distance limit with a pair in range.
+    /// Returns the smallest distance at the last tick \[m\]. Returns `None` if no pair was in range or this
+    /// is not a distance limit.
     fn smallest_distance(&self) -> Option<f64> {
         None
     }
 }
 
-/// Rows of a problem that a [`RowLimit`] may write.
+/// Writer for the rows of a [`RowLimit`].
 #[derive(Debug)]
 pub struct LimitRows<'a> {
     problem: &'a mut Problem,
@@ -37,38 +39,38 @@ impl<'a> LimitRows<'a> {
     }
 
     /// Appends the row `lower <= row v <= upper`, where `row` has an entry for each velocity. The bounds are
-    /// widened to include zero.
+    /// widened if they exclude zero.
     ///
     /// # Panics
-    /// If the limit has no rows left.
+    /// If the limit has already written all its rows.
     pub fn push(&mut self, row: impl IntoIterator<Item = f64>, lower: f64, upper: f64) {
         self.write(row, lower.min(0.0), upper.max(0.0));
     }
 
-    /// Appends a control barrier: `row` is the gradient of a remaining distance, currently `left` \[m\], of
-    /// which the fraction `rate` may be covered per second.
+    /// Appends a control barrier: `row` is the gradient of a remaining distance, currently `left` \[m\]. At
+    /// most the fraction `rate` \[1/s\] of this distance may be covered per second.
     ///
     /// ```text
     /// row v >= -rate left                              if left >= 0
     /// row v >=  min(-rate left, recovery)              else: it comes back, no faster than `recovery` [m/s]
     /// ```
     ///
-    /// A step along the tangent of a curved constraint violates it in second order. Such errors would
-    /// accumulate without the return. If no velocity satisfies all limits, a row beyond its limit stays in
-    /// place. A distance that is NaN counts as 0.
+    /// A step along the tangent of a curved constraint violates it in second order. Without the return, such
+    /// errors would accumulate. If no velocity satisfies all limits, a row beyond its limit stays in place. A
+    /// distance that is NaN counts as 0.
     ///
     /// # Panics
-    /// If the limit has no rows left.
+    /// If the limit has already written all its rows.
     pub fn push_barrier(&mut self, row: impl IntoIterator<Item = f64>, left: f64, rate: f64, recovery: f64) {
         let left = if left.is_nan() { 0.0 } else { left };
         self.write(row, (-rate * left).min(recovery), f64::INFINITY);
     }
 
-    /// Appends a control barrier for a `row` along which the distance shrinks: `row v <= max(rate left,
-    /// -recovery)`.
+    /// Appends a control barrier like [`push_barrier`](Self::push_barrier), with a `row` of opposite sign:
+    /// `row v <= max(rate left, -recovery)`.
     ///
     /// # Panics
-    /// If the limit has no rows left.
+    /// If the limit has already written all its rows.
     pub fn push_upper_barrier(
         &mut self,
         row: impl IntoIterator<Item = f64>,

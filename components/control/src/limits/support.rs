@@ -10,15 +10,16 @@ use super::{LimitRows, RowLimit};
 use crate::RobotState;
 use crate::checks::in_range;
 
-/// Point kept above the support by a [`SupportLimit`].
+/// Point that a [`SupportLimit`] keeps above the support.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Supported {
-    /// Centre of mass, which may cover this fraction of the remaining distance to an edge per second \[1/s\].
+    /// Centre of mass. The number is the fraction of the remaining distance to an edge that may be covered
+    /// per second \[1/s\].
     CentreOfMass(f64),
-    /// The capture point `c + c' / o`, with `o = sqrt(gravity / h)` and the height `h` of the centre of mass
-    /// above the ground. The robot can always come to rest without a step.
+    /// Capture point `c + c' / o`, with `o = sqrt(gravity / h)` and the height `h` of the centre of mass
+    /// above the ground. While it is above the support, the robot can come to rest without a step.
     CapturePoint {
-        /// Acceleration of free fall \[m/s2\].
+        /// Magnitude of the gravitational acceleration \[m/s2\].
         gravity: f64,
         /// Height of the ground \[m\].
         ground: f64,
@@ -81,8 +82,8 @@ impl SupportLimit {
         self
     }
 
-    /// Sets the points of the support \[m, x and y of the world\] in any order. Fewer than three points, or
-    /// collinear points, disable the limit. Does not allocate.
+    /// Sets the points of the support \[x and y of the world, m\] in any order. The limit is disabled if
+    /// there are fewer than three points or all points are collinear. Does not allocate.
     ///
     /// # Panics
     /// If there are more points than the capacity.
@@ -103,7 +104,7 @@ impl SupportLimit {
         }
     }
 
-    /// Outward normals of the edges, and their offsets \[m\].
+    /// Returns the outward normals of the edges and the offsets of the edges along them \[m\].
     pub fn edges(&self) -> &[(Vector2<f64>, f64)] {
         &self.edges
     }
@@ -133,7 +134,7 @@ impl RowLimit for SupportLimit {
 }
 
 with_defaults! {
-    /// A point of the robot that must stay above the convex hull of its support, in all levels.
+    /// A point of the robot that must stay above the convex hull of its support, enforced at every level.
     #[derive(Debug, Clone, Deserialize, JsonSchema)]
     #[serde(default, deny_unknown_fields)]
     pub struct SupportConfig;
@@ -158,7 +159,7 @@ with_defaults! {
 pub enum SupportedPoint {
     /// The centre of mass.
     CentreOfMass,
-    /// The capture point: the robot can always come to rest without a step.
+    /// The capture point. While it is above the support, the robot can come to rest without a step.
     CapturePoint,
 }
 

@@ -19,21 +19,21 @@ with_defaults! {
     #[derive(Clone, Copy, Debug, PartialEq)]
     pub struct AdmittanceSettings;
 
-    /// Mass \[kg\], more than 0. Default 4.
+    /// Apparent mass \[kg\], more than 0. Default 4.
     pub mass: f64 = 4.0;
     /// Damping \[N s/m\], at least 0. Default 40.
     pub damping: f64 = 40.0;
-    /// Stiffness \[N/m\], at least 0; with 0 the frame stays where it was pushed. Default 100.
+    /// Stiffness \[N/m\], at least 0. With 0 the frame stays where it was pushed. Default 100.
     pub stiffness: f64 = 100.0;
-    /// Moment of inertia \[kg m2\], more than 0. Default 0.1.
+    /// Apparent moment of inertia \[kg m2\], more than 0. Default 0.1.
     pub inertia: f64 = 0.1;
     /// Rotational damping \[N m s/rad\], at least 0. Default 2.
     pub rotational_damping: f64 = 2.0;
     /// Rotational stiffness \[N m/rad\], at least 0. Default 10.
     pub rotational_stiffness: f64 = 10.0;
-    /// Largest displacement \[m\]. Default 0.2.
+    /// Maximum displacement \[m\]. Default 0.2.
     pub max_displacement: f64 = 0.2;
-    /// Largest rotation \[rad\], less than pi. Default 0.8.
+    /// Maximum rotation \[rad\], less than pi. Default 0.8.
     pub max_rotation: f64 = 0.8;
 }
 
@@ -47,9 +47,9 @@ with_defaults! {
 /// v = v* + x',  o = J(t) t' + exp(t) o*                              J: left Jacobian of SO(3)
 /// ```
 ///
-/// All quantities are in world axes at the origin of the frame. `f` and `n` are exerted by the world on the
-/// robot, so the frame moves with a push. The solution is exact for a wrench that is constant over a step of
-/// any length. The motion stops at the maximum displacement or rotation, and can only return from there.
+/// All quantities are in world axes at the origin of the frame. The world exerts `f` and `n` on the robot, so
+/// the frame moves with a push. The solution is exact for a wrench that is constant over a step of any
+/// length. The motion stops at the maximum displacement or rotation; from there it can only return.
 ///
 /// (OpenSoT's Cartesian admittance is the case without a mass.) Hogan, *Impedance control: an approach to
 /// manipulation*, 1985.
@@ -129,7 +129,7 @@ impl Admittance {
         }
     }
 
-    /// The settings.
+    /// Returns the settings.
     pub fn settings(&self) -> &AdmittanceSettings {
         &self.settings
     }
@@ -141,13 +141,13 @@ impl Admittance {
         }
     }
 
-    /// Resets the state to rest at the target.
+    /// Resets the frame to rest at the target.
     pub fn reset(&mut self) {
         *self = Self::new(self.settings);
     }
 
-    /// Advances by `dt` \[s\] under the force \[N\] that the world exerts on the robot and the torque about
-    /// the origin of the frame \[Nm\], in world axes. A wrench that is not finite is ignored.
+    /// Advances the motion by `dt` \[s\]. `force` \[N\] and `torque` \[Nm\] about the origin of the frame,
+    /// both in world axes, are exerted by the world on the robot. A wrench that is not finite is ignored.
     pub fn step(&mut self, force: &Vector3<f64>, torque: &Vector3<f64>, dt: f64) {
         if dt != self.dt {
             let AdmittanceSettings { mass, damping, stiffness, .. } = self.settings;
@@ -168,17 +168,17 @@ impl Admittance {
         };
     }
 
-    /// `x` \[m, world axes\].
+    /// Returns the displacement `x` from the target \[m, world axes\].
     pub fn displacement(&self) -> &Vector3<f64> {
         &self.displacement
     }
 
-    /// `x'` \[m/s, world axes\].
+    /// Returns the velocity `x'` of the displacement \[m/s, world axes\].
     pub fn velocity(&self) -> &Vector3<f64> {
         &self.velocity
     }
 
-    /// `t` \[rad, world axes\].
+    /// Returns the rotation vector `t` from the target \[rad, world axes\].
     pub fn turn(&self) -> &Vector3<f64> {
         &self.turn
     }
@@ -188,7 +188,8 @@ impl Admittance {
         so3::left_jacobian(&self.turn) * self.turn_rate
     }
 
-    /// Returns the displaced pose, velocity and acceleration of a target, in world axes.
+    /// Returns the pose, velocity and acceleration of the displaced frame, in world axes, for a target with
+    /// this pose and velocity.
     pub fn displace(&self, target: &Isometry3<f64>, velocity: &Twist) -> (Isometry3<f64>, Twist, Twist) {
         let turned: UnitQuaternion<f64> = so3::exp(&self.turn);
         let position = target.translation.vector + self.displacement;
@@ -211,7 +212,7 @@ task_config! {
         frame: Option<String> = None;
         /// Link in whose frame the wrench is measured. Default: `frame`.
         sensor: Option<String> = None;
-        /// Name of the input port of its target, the pose of the frame without a wrench. The input is
+        /// Name of the input port of the target, the pose of the frame without a wrench. The input is
         /// optional: without a target, the initial pose is used. Default "target".
         target: String = "target".to_owned() => target(
             optional PoseTarget, "pose and velocity of the frame without a wrench, in the world frame"
@@ -224,7 +225,7 @@ task_config! {
         /// Rate at which the frame approaches the displaced pose, 1/s, 0 to 1000; limited to half the tick
         /// rate. Default 20.
         gain: f64 = 20.0 => live(GAINS, "1/s", "rate at which the frame approaches the displaced pose");
-        /// Mass, kg, 1e-3 to 1e6. Default 4.
+        /// Apparent mass, kg, 1e-3 to 1e6. Default 4.
         mass: f64 = AdmittanceSettings::default().mass => live(
             MASSES, "kg", "apparent mass of the frame"
         );
@@ -232,19 +233,19 @@ task_config! {
         damping: f64 = AdmittanceSettings::default().damping => live(
             SPRINGS, "N s/m", "damping of the frame's motion"
         );
-        /// Stiffness, N/m, 0 to 1e6; with 0 the frame stays where it was pushed. Default 100.
+        /// Stiffness, N/m, 0 to 1e6. With 0 the frame stays where it was pushed. Default 100.
         stiffness: f64 = AdmittanceSettings::default().stiffness => live(
             SPRINGS, "N/m", "stiffness towards the target"
         );
-        /// Moment of inertia, kg m2, 1e-3 to 1e6. Default 0.1.
+        /// Apparent moment of inertia, kg m2, 1e-3 to 1e6. Default 0.1.
         inertia: f64 = AdmittanceSettings::default().inertia => within(MASSES);
         /// Rotational damping, N m s/rad, 0 to 1e6. Default 2.
         rotational_damping: f64 = AdmittanceSettings::default().rotational_damping => within(SPRINGS);
         /// Rotational stiffness, N m/rad, 0 to 1e6. Default 10.
         rotational_stiffness: f64 = AdmittanceSettings::default().rotational_stiffness => within(SPRINGS);
-        /// Largest displacement, m, 0 to 10. Default 0.2.
+        /// Maximum displacement, m, 0 to 10. Default 0.2.
         max_displacement: f64 = AdmittanceSettings::default().max_displacement => within(0.0..=10.0);
-        /// Largest rotation, rad, 0 to 3. Default 0.8.
+        /// Maximum rotation, rad, 0 to 3. Default 0.8.
         max_rotation: f64 = AdmittanceSettings::default().max_rotation => within(0.0..=3.0);
         /// Cost of a velocity error, 1/(m/s), 0 to 1000. Default 1.
         position_weight: f64 = CartesianSettings::default().position_weight => within(WEIGHTS);

@@ -24,8 +24,8 @@ pub enum PoseAxes {
     World,
 }
 
-/// Weight factors of a pose per axis: one matrix for the position and one for the orientation, in selectable
-/// axes.
+/// Weight factors for the directions of a pose: one matrix for the position and one for the orientation, in
+/// selectable axes.
 ///
 /// With `R` from these axes to the world the error is
 ///
@@ -34,7 +34,7 @@ pub enum PoseAxes {
 /// ```
 ///
 /// and the rows `S_p` and `S_o` of the factors replace the six axes. A diagonal factor weights an axis, and 0
-/// leaves it free; a row may have any direction. Directions without a row have no error.
+/// leaves the axis free; a row may have any direction. Directions without a row have no error.
 ///
 /// ```
 /// use motorium_control::tasks::{AxisShares, CartesianSettings, PoseAxes};
@@ -76,8 +76,8 @@ impl Part {
 }
 
 impl AxisShares {
-    /// Creates factors per axis: x, y and z of the position, and the rotations about them. 0 leaves an axis
-    /// free.
+    /// Creates one factor per axis: for the position along x, y and z, and for the rotations about them. A
+    /// factor of 0 leaves an axis free.
     pub fn new(axes: PoseAxes, position: [f64; 3], orientation: [f64; 3]) -> Self {
         let [position, orientation] =
             [position, orientation].map(|shares| Matrix3::from_diagonal(&Vector3::from(shares)));
@@ -89,7 +89,7 @@ impl AxisShares {
         Self { axes, position: Part::new(position), orientation: Part::new(orientation) }
     }
 
-    /// The axes.
+    /// Returns the axes in which the error is evaluated.
     pub fn axes(&self) -> PoseAxes {
         self.axes
     }
@@ -104,8 +104,8 @@ impl AxisShares {
         self.orientation.seen != Matrix3::zeros()
     }
 
-    /// Error of a frame at `pose` relative to `target`, in these axes, without free directions: position
-    /// \[m\], rotation vector \[rad\].
+    /// Returns the error of a frame at `pose` relative to `target`, in these axes: position \[m\] and
+    /// rotation vector \[rad\]. Free directions are zero.
     pub fn error(&self, pose: &Isometry3<f64>, target: &Isometry3<f64>) -> (Vector3<f64>, Vector3<f64>) {
         let from_world = self.world_to_axes(pose, target);
         let offset = target.translation.vector - pose.translation.vector;
@@ -163,7 +163,7 @@ pub(super) fn stacked((linear, angular): (Vector3<f64>, Vector3<f64>)) -> Vector
 }
 
 with_defaults! {
-    /// Weight factors of a pose per axis.
+    /// Weight factors for the axes of a pose.
     ///
     /// ```toml
     /// axes = { of = "world", position = [0.0, 0.0, 1.0], orientation = [1.0, 1.0, 0.0] }
@@ -174,14 +174,14 @@ with_defaults! {
 
     /// Axes in which the error is evaluated. Default "frame".
     pub of: PoseAxes = PoseAxes::default();
-    /// Factors of `position_weight`: one for each axis, 0 to 1, or a matrix, each row a direction, -1 to 1.
-    /// Default [1, 1, 1].
+    /// Factors of `position_weight`: one number per axis, 0 to 1, or a matrix whose rows are directions, with
+    /// entries from -1 to 1. Default [1, 1, 1].
     pub position: SharesConfig = SharesConfig::default();
     /// Factors of `orientation_weight`, for the rotations about the axes. Default [1, 1, 1].
     pub orientation: SharesConfig = SharesConfig::default();
 }
 
-/// Factors of three axes.
+/// Weight factors for three axes.
 #[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
 #[serde(untagged, expecting = "expected three numbers, one for each axis, or a matrix of three rows")]
 pub enum SharesConfig {

@@ -68,7 +68,7 @@ pub struct CapturePoint {
 methods!(CapturePoint: weight("1/(m/s2)"), set);
 
 impl CapturePoint {
-    /// Creates a task for `model` with a gain \[1/s\], the world's origin as target, and weight 1
+    /// Creates a task for `model` with a gain \[1/s\], the world's origin as target, and a weight of 1
     /// \[1/(m/s2)\].
     pub fn new(model: &Model, gain: f64) -> Self {
         Self {
@@ -83,27 +83,27 @@ impl CapturePoint {
         }
     }
 
-    /// Sets the target `k*` \[m, world axes\], at rest.
+    /// Sets a resting target `k*` \[m, world axes\].
     pub fn set_target(&mut self, target: Vector2<f64>) {
         self.set_moving_target(target, Vector2::zeros());
     }
 
-    /// Sets the target and its velocity \[m, m/s, world axes\].
+    /// Sets a moving target: its position `k*` \[m\] and velocity \[m/s\], in world axes.
     pub fn set_moving_target(&mut self, target: Vector2<f64>, velocity: Vector2<f64>) {
         (self.target, self.velocity) = (target, velocity);
     }
 
-    /// `k` at the last update \[m, world axes\].
+    /// Returns the capture point `k` at the last update \[m, world axes\].
     pub fn point(&self) -> &Vector2<f64> {
         &self.point
     }
 
-    /// `o` at the last update \[1/s\]; 0 without an active contact.
+    /// Returns the natural frequency `o` at the last update \[1/s\]; 0 without an active contact.
     pub fn rate(&self) -> f64 {
         self.rate
     }
 
-    /// `k* - k` at the last update \[m, world axes\].
+    /// Returns the error `k* - k` at the last update \[m, world axes\].
     pub fn error(&self) -> Vector2<f64> {
         self.target - self.point
     }
@@ -140,12 +140,12 @@ impl AccelerationTask for CapturePoint {
 }
 
 task_config! {
-    /// A capture-point task: the point where the robot would have to step to come to rest follows a point on
+    /// A capture-point task: the point where the robot would have to step to come to rest follows a target on
     /// the ground.
     CapturePointConfig "capture_point" {
-        /// Name of the input port of its target; only x and y of position and linear velocity are used. The
-        /// input is optional: without a target, the point stays below the initial centre of mass. Default
-        /// "capture_point_target".
+        /// Name of the input port of the target; only x and y of its position and linear velocity are used.
+        /// The input is optional: without a target, the capture point stays below the initial centre of mass.
+        /// Default "capture_point_target".
         target: String = "capture_point_target".to_owned() => target(
             optional PoseTarget,
             "position and linear velocity of the capture point on the ground, in the world frame"

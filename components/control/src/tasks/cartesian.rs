@@ -27,9 +27,9 @@ with_defaults! {
     #[derive(Clone, Copy, Debug, PartialEq)]
     pub struct CartesianSettings;
 
-    /// Form of the error. Default logarithm.
+    /// Form of the error. Default: logarithm.
     pub error: PoseError = PoseError::Logarithm;
-    /// Rate at which the error decays \[1/s\]. Useful below a tenth of the tick rate. Default 10.
+    /// Rate at which the error decays \[1/s\]. Should be below a tenth of the tick rate. Default 10.
     pub gain: f64 = 10.0;
     /// Cost of a velocity error \[1/(m/s)\], or of an acceleration error \[1/(m/s2)\]; 0 leaves the position
     /// free. Default 1.
@@ -37,13 +37,13 @@ with_defaults! {
     /// Cost of an angular velocity error \[1/(rad/s)\], or of an acceleration error \[1/(rad/s2)\]; 0 leaves
     /// the orientation free. Default 0.5.
     pub orientation_weight: f64 = 0.5;
-    /// Largest speed at which the error is corrected \[m/s\]. Default infinite.
+    /// Maximum speed at which the error is corrected \[m/s\]. Default infinite.
     pub max_linear_speed: f64 = f64::INFINITY;
-    /// Largest angular speed at which the error is corrected \[rad/s\]. Default infinite.
+    /// Maximum angular speed at which the error is corrected \[rad/s\]. Default infinite.
     pub max_angular_speed: f64 = f64::INFINITY;
-    /// Levenberg-Marquardt damping per speed of correction \[s m/rad^2\]. Prevents oscillation if the target
-    /// is out of reach, and vanishes at the target. Should exceed half the tick period times the reach of the
-    /// robot. Default 5e-3.
+    /// Levenberg-Marquardt damping per unit of correction speed \[s m/rad^2\]. Prevents oscillation if the
+    /// target is out of reach, and vanishes at the target. Should exceed half the tick period times the reach
+    /// of the robot. Default 5e-3.
     pub damping: f64 = 5e-3;
     /// Weight factors per axis. Default `None`: the whole pose is controlled.
     pub shares: Option<AxisShares> = None;
@@ -87,8 +87,8 @@ impl CartesianSettings {
 ///
 /// (the task of OpenSoT and TSID). Near the target both errors are the same.
 ///
-/// With [`shares`](CartesianSettings::shares) position and rotation are separate, so that one can be free
-/// without affecting the other. [`AxisShares`] defines `e`, in axes `A` that may turn with an angular
+/// With [`shares`](CartesianSettings::shares) position and rotation are separate, so that either can be free
+/// without affecting the other. [`AxisShares`] defines `e`, in axes `A` that may rotate with an angular
 /// velocity `u`. With the position error `p` in world axes,
 ///
 /// ```text
@@ -102,7 +102,6 @@ impl CartesianSettings {
 /// reduce bends the cost by about `|W^2 c|` times the reach of the robot, which a step of `dt` must not
 /// overshoot. With less damping than `dt reach / 2` a stretched arm chatters between its velocity limits,
 /// regardless of the correction speed.
-/// however slow the correction is.
 #[derive(Clone, Debug)]
 pub struct CartesianTask {
     frame: FrameId,
@@ -144,10 +143,10 @@ impl CartesianTask {
         self
     }
 
-    /// Changes the spring and the damper from the next update on.
+    /// Changes the spring and damper from the next update on.
     ///
     /// # Panics
-    /// If the task was built without an impedance.
+    /// If the task was created without an impedance.
     pub fn set_impedance(&mut self, impedance: CartesianImpedance) {
         let CartesianImpedance { stiffness, damping, rotational_stiffness, rotational_damping } = impedance;
         let (k, d) = self.equation.springs_mut().expect("a task with an impedance");
@@ -159,13 +158,13 @@ impl CartesianTask {
         }
     }
 
-    /// Sets the target pose in the world, at rest.
+    /// Sets a resting target pose in the world.
     pub fn set_target(&mut self, target: Isometry3<f64>) {
         self.set_moving_target(target, Twist::zero(), Twist::zero());
     }
 
-    /// Sets the target pose in the world, its velocity and its classical acceleration: of the target's origin
-    /// \[m/s, m/s2\] and angular \[rad/s, rad/s2\], in world axes.
+    /// Sets a moving target: its pose in the world, its velocity and its classical acceleration. Both are in
+    /// world axes, linear (of the target's origin) and angular \[m/s, rad/s; m/s2, rad/s2\].
     pub fn set_moving_target(&mut self, target: Isometry3<f64>, velocity: Twist, acceleration: Twist) {
         (self.target, self.velocity, self.acceleration) = (target, velocity, acceleration);
     }
@@ -175,34 +174,34 @@ impl CartesianTask {
         self.frame
     }
 
-    /// Target pose in the world.
+    /// Returns the target pose in the world.
     pub fn target(&self) -> &Isometry3<f64> {
         &self.target
     }
 
-    /// `e` at the last update: linear \[m\], angular \[rad\]. In the axes of the frame or of the world, or of
-    /// the shares, without free directions.
+    /// Returns the error `e` at the last update: linear \[m\], then angular \[rad\]. The axes are the axes of
+    /// the frame, of the world for a geometric error, or of the shares. Free directions are zero.
     pub fn error(&self) -> Vector6<f64> {
         self.equation.error.fixed_rows::<6>(0).into()
     }
 
-    /// Distance between the origins of frame and target at the last update \[m\].
+    /// Returns the distance between the origins of frame and target at the last update \[m\].
     pub fn position_error(&self) -> f64 {
         self.position_error
     }
 
-    /// Angle between frame and target at the last update \[rad\], in `[0, pi]`.
+    /// Returns the angle between frame and target at the last update \[rad\], in `[0, pi]`.
     pub fn orientation_error(&self) -> f64 {
         self.orientation_error
     }
 
-    /// `J` at the last update, 6 x nv. For a target at rest the error changes at the rate `-J v`; with
-    /// shares, `S e` does.
+    /// Returns `J` at the last update, 6 x nv. For a target at rest the error changes at the rate `-J v`;
+    /// with shares, `S e` changes at this rate.
     pub fn jacobian(&self) -> JacobianView<'_, 6> {
         self.equation.jacobian().fixed_rows::<6>(0)
     }
 
-    /// The desired value `b` at the last update: linear, angular \[m/s, rad/s or m/s2, rad/s2\].
+    /// Returns the desired value `b` at the last update: linear, then angular \[m/s, rad/s or m/s2, rad/s2\].
     pub fn desired(&self) -> Vector6<f64> {
         self.cost().desired().fixed_rows::<6>(0).into()
     }
@@ -391,13 +390,13 @@ pub(super) fn differentiate_error(
     ((ahead - behind) / (2.0 * STEP), (ahead - now * 2.0 + behind) / (STEP * STEP))
 }
 
-/// A spring and a damper that pull a frame to its target.
+/// A spring and damper that pull a frame to its target.
 ///
 /// The task requests the acceleration caused by the forces `f = K e + D e'` at the frame without contacts: `J
 /// M^-1 J' f`, from the torques `J' f`, instead of `kp e + kd e'`. A push `p` on the frame of a fixed-base
-/// robot therefore displaces it by `p / K`, independently of its inertia. Choose stiffness and damping for
-/// that inertia: with a step of `dt`, a damping beyond `2 / dt` times the inertia is unstable. Light wrists
-/// have little inertia.
+/// robot therefore displaces it by `p / K`, independently of its inertia. Choose stiffness and damping to
+/// suit that inertia: with a step of `dt`, a damping beyond `2 / dt` times the inertia is unstable. Light
+/// wrists have little inertia.
 ///
 /// ```
 /// use motorium_control::tasks::{CartesianImpedance, CartesianSettings, CartesianTask};
@@ -431,14 +430,14 @@ task_config! {
     CartesianConfig "cartesian" {
         /// Link whose frame follows the target. Default: the robot's only end effector.
         frame: Option<String> = None;
-        /// Name of the input port of its target. Without a target, the frame keeps its initial pose. Default
+        /// Name of the input port of the target. Without a target, the frame keeps its initial pose. Default
         /// "target".
         target: String = "target".to_owned() => target(
             required PoseTarget, "pose and velocity of the frame, in the world frame"
         );
         /// Rate at which the error decays, 1/s, 0 to 1000; limited to half the tick rate. Default 10.
         gain: f64 = CartesianSettings::default().gain => live(GAINS, "1/s", "rate at which the error decays");
-        /// Spring and damper replacing the gain. Default: none.
+        /// Spring and damper that replace the gain. Default: not used.
         impedance: Option<CartesianImpedanceConfig> = None;
         /// Cost of a velocity error, 1/(m/s), 0 to 1000. Default 1.
         position_weight: f64 = CartesianSettings::default().position_weight => live(
@@ -448,10 +447,10 @@ task_config! {
         orientation_weight: f64 = CartesianSettings::default().orientation_weight => live(
             WEIGHTS, "1/(rad/s)", "cost of an angular velocity error"
         );
-        /// Contact of `inverse_dynamics`, such as a foot: the task is active only while it is lifted.
-        /// Default: always active.
+        /// Contact of `inverse_dynamics`, such as a foot. The task is active only while this contact is
+        /// lifted. Default: always active.
         while_lifted: Option<String> = None;
-        /// Weight factors per axis; an axis without a factor is free. Default: all axes.
+        /// Weight factors per axis; axes with factor 0 are free. Default: all axes have factor 1.
         axes: Option<AxesConfig> = None;
         /// Maximum linear speed of the correction, m/s. Default: no limit.
         max_linear_speed: Option<f64> = None;
@@ -460,16 +459,16 @@ task_config! {
         /// Levenberg-Marquardt damping, s m/rad^2; prevents oscillation if the target is out of reach.
         /// Default: 5e-3, or two tick periods times one metre if that is larger.
         damping: Option<f64> = None;
-        /// Distance from a goal within which it counts as reached, m. Default 5e-3; unlimited if
+        /// Maximum distance from a goal at which it counts as reached, m. Default 5e-3; unlimited if
         /// `position_weight` is 0.
         position_tolerance: f64 = GoalTolerance::default().position => within(0.0..=f64::MAX);
-        /// Angle from a goal within which it counts as reached, rad. Default 0.02; unlimited if
+        /// Maximum angle from a goal at which it counts as reached, rad. Default 0.02; unlimited if
         /// `orientation_weight` is 0.
         orientation_tolerance: f64 = GoalTolerance::default().orientation => within(0.0..=f64::MAX);
     }
 }
 
-/// A spring and a damper that pull a frame to its target, replacing `gain`. Requires `inverse_dynamics`.
+/// A spring and damper that pull a frame to its target and replace `gain`. Requires `inverse_dynamics`.
 ///
 /// ```toml
 /// impedance = { stiffness = 300.0, damping = 50.0, rotational_stiffness = 20.0, rotational_damping = 3.0 }

@@ -17,17 +17,17 @@ with_defaults! {
     #[derive(Clone, Copy, Debug, PartialEq)]
     pub struct CentreOfMassSettings;
 
-    /// Rate at which the error decays \[1/s\]. Useful below a tenth of the tick rate. Default 10.
+    /// Rate at which the error decays \[1/s\]. Should be below a tenth of the tick rate. Default 10.
     pub gain: f64 = 10.0;
     /// Cost of a velocity error \[1/(m/s)\], or of an acceleration error \[1/(m/s2)\]. Default 1.
     pub weight: f64 = 1.0;
-    /// Factors of the weight along x, y and z of the world; 0 leaves an axis free. Default 1.
+    /// Factors of the weight along x, y and z of the world; 0 leaves an axis free. Default 1 for all axes.
     pub shares: [f64; 3] = [1.0; 3];
-    /// Largest speed at which the error is corrected \[m/s\]. Default infinite.
+    /// Maximum speed at which the error is corrected \[m/s\]. Default infinite.
     pub max_speed: f64 = f64::INFINITY;
-    /// Levenberg-Marquardt damping per speed of correction \[s m/rad^2\]. Prevents oscillation if the target
-    /// is out of reach, and vanishes at the target. Should exceed half the tick period times the reach of the
-    /// robot. Default 5e-3.
+    /// Levenberg-Marquardt damping per unit of correction speed \[s m/rad^2\]. Prevents oscillation if the
+    /// target is out of reach, and vanishes at the target. Should exceed half the tick period times the reach
+    /// of the robot. Default 5e-3.
     pub damping: f64 = 5e-3;
 }
 
@@ -82,12 +82,13 @@ impl CentreOfMassTask {
         Self { settings, target: Vector3::zeros(), equation }
     }
 
-    /// Sets the target `c*` \[m, world axes\], at rest.
+    /// Sets a resting target `c*` \[m, world axes\].
     pub fn set_target(&mut self, target: Vector3<f64>) {
         self.set_moving_target(target, Vector3::zeros(), Vector3::zeros());
     }
 
-    /// Sets the target `c*`, its velocity and its acceleration \[m, m/s, m/s2, world axes\].
+    /// Sets a moving target: its position `c*` \[m\], velocity \[m/s\] and acceleration \[m/s2\], in world
+    /// axes.
     pub fn set_moving_target(
         &mut self,
         target: Vector3<f64>,
@@ -99,22 +100,22 @@ impl CentreOfMassTask {
         self.equation.rate_derivative.copy_from(&acceleration);
     }
 
-    /// The target `c*` \[m, world axes\].
+    /// Returns the target `c*` \[m, world axes\].
     pub fn target(&self) -> &Vector3<f64> {
         &self.target
     }
 
-    /// `e` at the last update \[m, world axes\].
+    /// Returns the error `e` at the last update \[m, world axes\].
     pub fn error(&self) -> Vector3<f64> {
         self.equation.error.fixed_rows::<3>(0).into()
     }
 
-    /// `J` at the last update, 3 x nv.
+    /// Returns `J` at the last update, 3 x nv.
     pub fn jacobian(&self) -> JacobianView<'_, 3> {
         self.equation.jacobian().fixed_rows::<3>(0)
     }
 
-    /// The desired value `b` at the last update \[m/s or m/s2\].
+    /// Returns the desired value `b` at the last update \[m/s or m/s2\].
     pub fn desired(&self) -> Vector3<f64> {
         self.cost().desired().fixed_rows::<3>(0).into()
     }
@@ -143,9 +144,9 @@ impl Task for CentreOfMassTask {
 }
 
 task_config! {
-    /// A centre-of-mass task: the centre of mass of the robot follows a point.
+    /// A centre-of-mass task: the centre of mass of the robot follows a target point.
     CentreOfMassConfig "centre_of_mass" {
-        /// Name of the input port of its target; only position and linear velocity are used. The input is
+        /// Name of the input port of the target; only its position and linear velocity are used. The input is
         /// optional: without a target, the centre of mass keeps its initial position. Default
         /// "centre_of_mass_target".
         target: String = "centre_of_mass_target".to_owned() => target(
@@ -165,7 +166,7 @@ task_config! {
         /// Levenberg-Marquardt damping, s m/rad^2; prevents oscillation if the target is out of reach.
         /// Default: 5e-3, or two tick periods times one metre if that is larger.
         damping: Option<f64> = None;
-        /// Distance from a goal, along the controlled axes, within which it counts as reached, m. Default
+        /// Maximum distance from a goal, along the controlled axes, at which it counts as reached, m. Default
         /// 5e-3.
         tolerance: f64 = GoalTolerance::default().position => within(0.0..=f64::MAX);
     }

@@ -6,7 +6,7 @@ use motorium_robots::{FrameId, Model, Reference};
 use super::{Cost, Rows, VelocityTask};
 use crate::RobotState;
 
-/// Keeps a frame in contact with the world in place:
+/// Keeps a frame in contact with the world at rest:
 ///
 /// ```text
 /// A = J                                 Jacobian of the frame, world axes: 3 rows of a point, 6 of a surface
@@ -25,7 +25,7 @@ pub struct ContactTask {
 }
 
 impl ContactTask {
-    /// Creates a point contact: the origin of `frame` rests; the frame may rotate.
+    /// Creates a point contact: the origin of `frame` does not move; the frame may rotate.
     pub fn point(model: &Model, frame: FrameId) -> Self {
         Self { frame, weight: 1.0, turns: true, cost: Cost::dense(6, 0, model.nv()) }
     }
@@ -35,7 +35,7 @@ impl ContactTask {
         Self { turns: false, ..Self::point(model, frame) }
     }
 
-    /// Sets the weight \[1/(m/s), 1/(rad/s)\].
+    /// Sets the weight of the task \[1/(m/s), 1/(rad/s)\].
     #[must_use]
     pub fn weight(mut self, weight: f64) -> Self {
         self.weight = weight;

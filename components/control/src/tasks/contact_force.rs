@@ -65,10 +65,11 @@ pub struct ContactForce {
 methods!(ContactForce: weight("1/N"));
 
 impl ContactForce {
-    /// Creates a task for a contact of `dynamics`, with target zero and weight 1 \[1/N\].
+    /// Creates a task for the contact with index `contact` of `dynamics`, with target zero and weight 1
+    /// \[1/N\].
     ///
     /// # Panics
-    /// If the contact does not exist.
+    /// If `contact` is out of range.
     pub fn new(dynamics: &InverseDynamics, contact: usize) -> Self {
         let place = &dynamics.contacts[contact];
         let first = dynamics.order.velocities + 3 * place.first_point;

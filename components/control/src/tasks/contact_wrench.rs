@@ -12,7 +12,7 @@ use crate::MotionState;
 use crate::contact::Contact;
 use crate::inverse_dynamics::{AccelerationTask, InverseDynamics};
 
-/// Tracks a target for the force of one contact and its torque about the origin of the contact's frame, in
+/// Makes the force of one contact, and its torque about the origin of the contact's frame, follow a target in
 /// world axes:
 ///
 /// ```text
@@ -22,7 +22,7 @@ use crate::inverse_dynamics::{AccelerationTask, InverseDynamics};
 /// W = diag(f, f, f, n, n, n)            1/N, 1/Nm
 /// ```
 ///
-/// (PyRoboLearn's wrench task.) A point or a ball transmits only the torque of its lever arm.
+/// (PyRoboLearn's wrench task.) A point or ball contact transmits only the torque of its lever arm.
 #[derive(Clone, Debug)]
 pub struct ContactWrench {
     contact: usize,
@@ -33,10 +33,11 @@ pub struct ContactWrench {
 }
 
 impl ContactWrench {
-    /// Creates a task for a contact of `dynamics`, with target zero and weights 1 \[1/N, 1/Nm\].
+    /// Creates a task for the contact with index `contact` of `dynamics`, with target zero and weights 1
+    /// \[1/N, 1/Nm\].
     ///
     /// # Panics
-    /// If the contact does not exist.
+    /// If `contact` is out of range.
     pub fn new(dynamics: &InverseDynamics, contact: usize) -> Self {
         let place = &dynamics.contacts[contact];
         let first = dynamics.order.velocities + 3 * place.first_point;
@@ -51,7 +52,7 @@ impl ContactWrench {
         Self { contact, force_weight: 1.0, torque_weight: 1.0, target: Twist::zero(), cost }
     }
 
-    /// Sets the weights of the force \[1/N\] and of the torque \[1/Nm\]; 0 leaves one free.
+    /// Sets the weights of the force \[1/N\] and of the torque \[1/Nm\]; 0 leaves the quantity free.
     #[must_use]
     pub fn weights(mut self, force: f64, torque: f64) -> Self {
         (self.force_weight, self.torque_weight) = (force, torque);
@@ -63,8 +64,8 @@ impl ContactWrench {
         (self.force_weight, self.torque_weight) = (force, torque);
     }
 
-    /// Sets the target: force \[N\] as linear part, torque about the origin of the contact's frame \[Nm\] as
-    /// angular part, world axes.
+    /// Sets the target wrench in world axes: the force \[N\] as linear part, the torque about the origin of
+    /// the contact's frame \[Nm\] as angular part.
     pub fn set_target(&mut self, wrench: Twist) {
         self.target = wrench;
     }
@@ -92,9 +93,9 @@ impl AccelerationTask for ContactWrench {
 }
 
 task_config! {
-    /// A contact wrench task: force and torque of a contact follow a target; with `inverse_dynamics`.
+    /// A contact-wrench task: force and torque of a contact follow a target. Requires `inverse_dynamics`.
     ContactWrenchConfig "contact_wrench" {
-        /// Name of the contact, as in `inverse_dynamics`.
+        /// Name of the contact in `inverse_dynamics`.
         contact: String = String::new();
         /// Name of the input port of the target: the wrench exerted by the world on the robot, in world axes
         /// about the origin of the contact's frame. Without a target, `force` and `torque` apply. Default
@@ -102,9 +103,9 @@ task_config! {
         target: String = "wrench_target".to_owned() => target(
             optional Wrench, "force and torque of the contact on the robot, in the axes of the world"
         );
-        /// Force without a target, world axes, N. Default [0, 0, 0].
+        /// Target force if the input has no target, world axes, N. Default [0, 0, 0].
         force: [f64; 3] = [0.0; 3];
-        /// Torque without a target, world axes, Nm. Default [0, 0, 0].
+        /// Target torque if the input has no target, world axes, Nm. Default [0, 0, 0].
         torque: [f64; 3] = [0.0; 3];
         /// Cost of a force error, 1/N, 0 to 1000. Default 1e-2.
         force_weight: f64 = 1e-2 => live(WEIGHTS, "1/N", "cost of a force error");

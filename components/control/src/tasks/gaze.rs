@@ -21,15 +21,15 @@ with_defaults! {
     #[derive(Clone, Copy, Debug, PartialEq)]
     pub struct GazeSettings;
 
-    /// Rate at which the error decays \[1/s\]. Useful below a tenth of the tick rate. Default 10.
+    /// Rate at which the error decays \[1/s\]. Should be below a tenth of the tick rate. Default 10.
     pub gain: f64 = 10.0;
     /// Cost of an angular velocity error \[1/(rad/s)\], or of an acceleration error \[1/(rad/s2)\]. Default
     /// 1.
     pub weight: f64 = 1.0;
-    /// Largest angular speed at which the error is corrected \[rad/s\]. Default infinite.
+    /// Maximum angular speed at which the error is corrected \[rad/s\]. Default infinite.
     pub max_speed: f64 = f64::INFINITY;
-    /// Levenberg-Marquardt damping per correction speed \[s/rad\]. Prevents oscillation if the axis cannot
-    /// reach the target direction, and vanishes when it does. Default 5e-3.
+    /// Levenberg-Marquardt damping per unit of correction speed \[s/rad\]. Prevents oscillation if the axis
+    /// cannot reach the target direction, and vanishes when it does. Default 5e-3.
     pub damping: f64 = 5e-3;
 }
 
@@ -40,8 +40,8 @@ impl GazeSettings {
     }
 }
 
-/// Points an axis `d` of a frame at a point `p*` \[m, world axes\]: a camera looks at something, a welding
-/// torch points at a seam. Rotation about the axis is free.
+/// Points an axis `d` of a frame at a point `p*` \[m, world axes\], for example the axis of a camera at an
+/// object, or of a welding torch at a seam. Rotation about the axis is free.
 ///
 /// With `r` the point and `w` its velocity in the axes of the frame, `u = r / |r|`, `P = 1 - u u'`, and
 /// `J_v`, `J_o` the linear and the angular rows of the frame's Jacobian in its own axes,
@@ -53,8 +53,8 @@ impl GazeSettings {
 /// W  = weight
 /// ```
 ///
-/// (OpenSoT's gaze task, which has two rows and assumes a point at rest). The point moves at a constant
-/// velocity.
+/// (OpenSoT's gaze task, which has two rows and assumes a point at rest). The point is assumed to move at
+/// constant velocity.
 ///
 /// ```
 /// use motorium_control::{RobotState, tasks::{GazeTask, VelocityTask}};
@@ -108,47 +108,48 @@ impl GazeTask {
         }
     }
 
-    /// Sets the point `p*` \[m, world axes\], at rest.
+    /// Sets a resting target point `p*` \[m, world axes\].
     pub fn set_target(&mut self, target: Vector3<f64>) {
         self.set_moving_target(target, Vector3::zeros());
     }
 
-    /// Sets the point `p*` \[m\] and its velocity \[m/s\], in world axes.
+    /// Sets a moving target: the point `p*` \[m\] and its velocity \[m/s\], in world axes.
     pub fn set_moving_target(&mut self, target: Vector3<f64>, velocity: Vector3<f64>) {
         (self.target, self.velocity) = (target, velocity);
     }
 
-    /// Returns the frame of the axis.
+    /// Returns the frame to which the axis belongs.
     pub fn frame(&self) -> FrameId {
         self.frame
     }
 
-    /// The axis, in the axes of the frame.
+    /// Returns the axis, in the axes of the frame.
     pub fn axis(&self) -> &Unit<Vector3<f64>> {
         &self.axis
     }
 
-    /// The point `p*` \[m, world axes\].
+    /// Returns the target point `p*` \[m, world axes\].
     pub fn target(&self) -> &Vector3<f64> {
         &self.target
     }
 
-    /// `e` at the last update \[rad, axes of the frame\].
+    /// Returns the error `e` at the last update \[rad, axes of the frame\].
     pub fn error(&self) -> Vector3<f64> {
         self.equation.error.fixed_rows::<3>(0).into()
     }
 
-    /// The angle between the axis and the direction to the point at the last update \[rad\], in `[0, pi]`.
+    /// Returns the angle between the axis and the direction to the point at the last update \[rad\], in `[0,
+    /// pi]`.
     pub fn angle(&self) -> f64 {
         self.error().norm()
     }
 
-    /// `J` at the last update, 3 x nv, of rank 2.
+    /// Returns `J` at the last update, 3 x nv, of rank 2.
     pub fn jacobian(&self) -> JacobianView<'_, 3> {
         self.equation.jacobian().fixed_rows::<3>(0)
     }
 
-    /// The desired value `b` at the last update \[rad/s or rad/s2\].
+    /// Returns the desired value `b` at the last update \[rad/s or rad/s2\].
     pub fn desired(&self) -> Vector3<f64> {
         self.cost().desired().fixed_rows::<3>(0).into()
     }
@@ -161,7 +162,7 @@ impl GazeTask {
         if distance < NEAREST { (self.axis.into_inner(), NEAREST) } else { (seen / distance, distance) }
     }
 
-    /// The angle between the axis and the direction to the point in a state \[rad\].
+    /// Returns the angle between the axis and the direction to the point in a state \[rad\].
     pub fn angle_at(&self, state: &RobotState<'_>) -> f64 {
         least_turn(&self.axis, &self.direction(state).0).norm()
     }
@@ -235,13 +236,13 @@ impl Task for GazeTask {
 const FAR: f64 = 1e6;
 
 task_config! {
-    /// A gaze task: an axis of a frame points at a point.
+    /// A gaze task: an axis of a frame points at a target point.
     GazeConfig "gaze" {
         /// Link whose axis points at the target. Default: the robot's only end effector.
         frame: Option<String> = None;
-        /// The axis in the axes of the frame, of any nonzero length. Default [0, 0, 1].
+        /// Axis in the axes of the frame, of any nonzero length. Default [0, 0, 1].
         axis: [f64; 3] = [0.0, 0.0, 1.0];
-        /// Name of the input port of its target; only position and linear velocity are used. The input is
+        /// Name of the input port of the target; only its position and linear velocity are used. The input is
         /// optional: without a target, the axis keeps its direction. Default "gaze_target".
         target: String = "gaze_target".to_owned() => target(
             optional PoseTarget, "position and linear velocity of the point to look at, in the world frame"
@@ -257,7 +258,7 @@ task_config! {
         /// Levenberg-Marquardt damping, s/rad; prevents oscillation if the axis cannot reach the target
         /// direction. Default: 5e-3, or two tick periods if that is larger.
         damping: Option<f64> = None;
-        /// Angle from a goal within which it counts as reached, rad. Default 0.02.
+        /// Maximum angle from a goal at which it counts as reached, rad. Default 0.02.
         tolerance: f64 = GoalTolerance::default().orientation => within(0.0..=f64::MAX);
     }
 }

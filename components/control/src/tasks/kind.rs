@@ -10,8 +10,8 @@ pub(super) use super::context::{GAINS, WEIGHTS};
 use super::held::HeldTask;
 use super::ramp::Ramped;
 
-/// Defines the table of a kind of task: the configuration type and the default name of the task, then its
-/// keys with types and defaults. A key may have a rule:
+/// Defines the configuration of a kind of task: its type, the default name of the task, and its keys with
+/// types and defaults. A key may have a rule:
 ///
 /// - `live(range, unit, doc)`: a number that can be changed at run time as the parameter `NAME_KEY`,
 /// - `within(range)`: a number within a range,

@@ -12,20 +12,20 @@ use super::velocities::{RATE, differentiate_velocities};
 use super::{Cost, Equation, Response, Task};
 use crate::{MotionState, RobotState};
 
-/// The measure that a [`ManipulabilityTask`] increases.
+/// Manipulability measure that a [`ManipulabilityTask`] increases.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Measure {
-    /// Velocities: `sqrt(det(J J'))`, the volume of the ellipsoid of frame velocities for joint velocities of
-    /// norm 1.
+    /// Velocity manipulability `sqrt(det(J J'))`: the volume of the ellipsoid of frame velocities for joint
+    /// velocities of norm 1.
     #[default]
     Velocity,
-    /// Forces: `sqrt(det((J J')^-1))`, the volume of the ellipsoid of frame forces for joint torques of norm
-    /// 1.
+    /// Force manipulability `sqrt(det((J J')^-1))`: the volume of the ellipsoid of frame forces for joint
+    /// torques of norm 1.
     Force,
 }
 
-/// Moves the joints along the gradient of a manipulability `m` of a frame:
+/// Moves the joints along the gradient of a manipulability measure `m` of a frame:
 ///
 /// ```text
 /// m = sqrt(det(J J'))                             Yoshikawa's measure of the rows that count: of velocities
@@ -59,14 +59,14 @@ methods!(ManipulabilityTask:
 );
 
 impl ManipulabilityTask {
-    /// Creates a task for `frame` of `model` and these rows of its velocity, with gain 1 and weight 1e-2.
+    /// Creates a task for the velocity components `rows` of `frame` of `model`, with gain 1 and weight 1e-2.
     pub fn new(model: &Model, frame: FrameId, rows: TaskRows) -> Self {
         let (of, mut equation) = (Measure::Velocity, Equation::identity(0, model.nv()));
         equation.response = Response::velocity(RATE);
         Self { frame, rows, of, gain: 1.0, weight: 1e-2, max_speed: f64::INFINITY, measure: 0.0, equation }
     }
 
-    /// Selects the manipulability of forces.
+    /// Selects the force manipulability.
     ///
     /// ```
     /// use motorium_control::{RobotState, tasks::{ManipulabilityTask, VelocityTask}};
@@ -88,21 +88,22 @@ impl ManipulabilityTask {
         self.with_measure(Measure::Force)
     }
 
-    /// Sets the measure.
+    /// Sets the manipulability measure.
     #[must_use]
     pub fn with_measure(mut self, measure: Measure) -> Self {
         self.of = measure;
         self
     }
 
-    /// Sets the largest norm of `nu` \[rad/s\].
+    /// Sets the maximum norm of the joint velocity `nu` \[rad/s\].
     #[must_use]
     pub fn max_speed(mut self, speed: f64) -> Self {
         self.max_speed = speed;
         self
     }
 
-    /// Manipulability at the last update; for forces it is infinite in a singular configuration.
+    /// Returns the measure `m` at the last update. The force manipulability is infinite in a singular
+    /// configuration.
     pub fn measure(&self) -> f64 {
         self.measure
     }
@@ -139,11 +140,11 @@ task_config! {
     ManipulabilityConfig "manipulability" {
         /// Link of the evaluated frame. Default: the robot's only end effector.
         frame: Option<String> = None;
-        /// Motions of the frame to evaluate. Default "position".
+        /// Velocity components of the frame to evaluate. Default "position".
         rows: ManipulabilityRows = ManipulabilityRows::Position;
-        /// The measure to increase. Default "velocity".
+        /// Manipulability measure to increase. Default "velocity".
         of: Measure = Measure::Velocity;
-        /// Speed per slope of the measure, (rad/s)^2, 0 to 1000. Default 1.
+        /// Commanded joint speed per gradient of the measure, (rad/s)^2, 0 to 1000. Default 1.
         gain: f64 = 1.0 => live(WEIGHTS, "(rad/s)^2", "speed per slope of the measure");
         /// Cost of a joint velocity error, 1/(rad/s), 0 to 1000. Default 1e-2.
         weight: f64 = 1e-2 => live(WEIGHTS, "1/(rad/s)", "cost of a joint velocity error");
@@ -155,15 +156,15 @@ task_config! {
     }
 }
 
-/// Motions of a frame that its manipulability includes.
+/// Velocity components of a frame that the manipulability includes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ManipulabilityRows {
-    /// The velocity of its origin.
+    /// Linear velocity of the frame's origin.
     Position,
-    /// Its angular velocity.
+    /// Angular velocity of the frame.
     Orientation,
-    /// Both; metres and radians have equal weight.
+    /// Linear and angular velocity; metres and radians have equal weight.
     Pose,
 }
 

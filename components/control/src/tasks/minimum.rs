@@ -16,11 +16,12 @@ use crate::RobotState;
 task_config! {
     /// A minimum task: minimises velocities, accelerations, efforts, torques or contact forces.
     MinimumConfig "minimum" {
-        /// The quantity to minimise. Default "acceleration".
+        /// Quantity to minimise. Default "acceleration".
         of: MinimumOf = MinimumOf::Acceleration;
         /// Cost of the quantity, in the inverse of its unit, 0 to 1000. Default 1e-2.
         weight: f64 = 1e-2 => live(WEIGHTS, "", "cost of the quantity, in the inverse of its unit");
-        /// For efforts only: speed per gradient of their sum, (rad/s)^2, 0 to 1000. Default 1.
+        /// For efforts only: commanded joint speed per gradient of the effort measure, (rad/s)^2, 0 to 1000.
+        /// Default 1.
         gain: f64 = 1.0 => live(WEIGHTS, "(rad/s)^2", "speed per slope of the efforts");
         /// For velocities and efforts with `inverse_dynamics`: decay rate of joint velocity errors, 1/s, 0 to
         /// 1000; limited to half the tick rate. Default 20.
@@ -28,19 +29,19 @@ task_config! {
     }
 }
 
-/// The minimised quantity.
+/// Quantity to minimise.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum MinimumOf {
-    /// Velocities; with `inverse_dynamics` the joints are damped.
+    /// Velocities. With `inverse_dynamics` the joints are damped.
     Velocity,
-    /// Accelerations; without `inverse_dynamics` the change of the velocities from step to step.
+    /// Accelerations. Without `inverse_dynamics`, the change of the velocities from step to step.
     Acceleration,
-    /// Efforts that hold the robot's weight, relative to their limits; for robots with a fixed base.
+    /// Efforts that support the robot's weight, relative to their limits. Only for robots with a fixed base.
     Effort,
-    /// Torques of the drives, as fractions of their limits; with `inverse_dynamics`.
+    /// Torques of the drives, as fractions of their limits. Requires `inverse_dynamics`.
     Torque,
-    /// Contact forces; with `inverse_dynamics`.
+    /// Contact forces. Requires `inverse_dynamics`.
     Force,
 }
 

@@ -12,7 +12,7 @@ use crate::inverse_dynamics::{AccelerationTask, InverseDynamics};
 /// A = 1 on all accelerations,   b = 0,   W = weight diag(shares)       1/(rad/s2) or 1/(m/s2)
 /// ```
 ///
-/// (PyRoboLearn's task.) It does not stop a moving robot; use a posture task without `kp` for that.
+/// (PyRoboLearn's task.) The task does not stop a moving robot; use a posture task without `kp` for that.
 #[derive(Clone, Debug)]
 pub struct AccelerationMinimum {
     weight: f64,
@@ -31,7 +31,7 @@ impl AccelerationMinimum {
     /// Sets the weight factor of one acceleration; zero leaves it free.
     ///
     /// # Panics
-    /// If the acceleration does not exist.
+    /// If `acceleration` is out of range.
     pub fn set_share(&mut self, acceleration: usize, share: f64) {
         self.shares[acceleration] = share;
     }

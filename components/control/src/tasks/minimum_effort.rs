@@ -10,7 +10,7 @@ use crate::{MotionState, RobotState};
 /// Step along the scaled efforts over which their change is measured \[rad\].
 const STEP: f64 = 1e-5;
 
-/// Moves the joints down the gradient of the effort required to hold the robot's weight:
+/// Moves the joints down the gradient of the effort required to support the robot's weight:
 ///
 /// ```text
 /// m = 1/2 sum_joints (g_i(q) / tau_max_i)^2       shares of the effort limits; of 1 Nm without a limit
@@ -61,7 +61,8 @@ methods!(MinimumEffortTask:
 );
 
 impl MinimumEffortTask {
-    /// Creates a task for `model` under this acceleration of free fall \[m/s2\], with gain 1 and weight 1e-2.
+    /// Creates a task for `model` under this gravitational acceleration \[m/s2\], with gain 1 and weight
+    /// 1e-2.
     pub fn new(model: &Model, gravity: Vector3<f64>) -> Self {
         let share = |limit: &f64| if limit.is_finite() && *limit > 0.0 { limit.powi(-2) } else { 1.0 };
         let mut equation = Equation::identity(0, model.nv());
@@ -81,7 +82,7 @@ impl MinimumEffortTask {
         }
     }
 
-    /// `m` at the last update.
+    /// Returns the effort measure `m` at the last update.
     pub fn measure(&self) -> f64 {
         self.measure
     }

@@ -6,16 +6,16 @@ use super::velocities::{RATE, differentiate_velocities};
 use super::{Cost, Equation, Response, Task};
 use crate::{MotionState, RobotState};
 
-/// Minimises velocities, or their distance from given ones:
+/// Minimises velocities, or their distance from target velocities:
 ///
 /// ```text
 /// J = 1 on all velocities,   nu = v*,   W = weight diag(shares)     1/(rad/s) or 1/(m/s)
 /// ```
 ///
 /// (OpenSoT's and PyRoboLearn's tasks of minimum velocity, `v* = 0`, and of minimum acceleration, `v*` the
-/// velocity of the previous tick.) Shares let some joints, or a floating base, move more than others. With
-/// accelerations the task damps the joints: velocity errors decay at the [`rate`](Self::rate), and a floating
-/// base is left to other tasks.
+/// velocity of the previous tick.) Weight factors let some joints, or a floating base, move more than others.
+/// With accelerations the task damps the joints: velocity errors decay at the [`rate`](Self::rate), and a
+/// floating base is left to other tasks.
 ///
 /// ```
 /// use motorium_control::tasks::MinimumVelocityTask;
@@ -49,7 +49,7 @@ impl MinimumVelocityTask {
         Self { weight: 1e-2, shares: vec![1.0; model.nv()], equation }
     }
 
-    /// Sets `v*`, one entry per velocity.
+    /// Sets the target `v*` \[rad/s or m/s\], one entry per velocity.
     ///
     /// # Panics
     /// If the length differs from the number of velocities.
@@ -57,7 +57,7 @@ impl MinimumVelocityTask {
         self.equation.rate.copy_from_slice(velocity);
     }
 
-    /// Sets `v*` to zero.
+    /// Sets the target `v*` to zero.
     pub fn set_rest(&mut self) {
         self.equation.rate.fill(0.0);
     }
@@ -65,7 +65,7 @@ impl MinimumVelocityTask {
     /// Sets the weight factor of one velocity; zero leaves it free.
     ///
     /// # Panics
-    /// If the velocity does not exist.
+    /// If `velocity` is out of range.
     pub fn set_share(&mut self, velocity: usize, share: f64) {
         self.shares[velocity] = share;
     }

@@ -15,7 +15,7 @@ macro_rules! methods {
     };
 }
 
-/// Defines one of the [`methods!`].
+/// Defines one method of [`methods!`].
 macro_rules! method {
     (weight($unit:literal)) => {
         #[doc = concat!("The same task with a weight \\[", $unit, "\\].")]
@@ -40,7 +40,7 @@ macro_rules! method {
         }
     };
     (set) => {
-        /// Changes gain and weight from the next update on.
+        /// Changes the gain and weight from the next update on.
         pub fn set(&mut self, gain: f64, weight: f64) {
             (self.gain, self.weight) = (gain, weight);
         }
@@ -54,7 +54,7 @@ macro_rules! method {
         }
     };
     (feedback($setter:literal)) => {
-        /// Replaces the feedback of accelerations.
+        /// Replaces the feedback used with accelerations.
         #[doc = concat!("[`", $setter, "`](Self::", $setter, ") replaces it.")]
         #[must_use]
         pub fn feedback(mut self, feedback: Feedback) -> Self {
@@ -88,7 +88,7 @@ macro_rules! settings {
                 self.equation.response = settings.response();
             }
 
-            /// The settings.
+            /// Returns the settings.
             pub fn settings(&self) -> &$settings {
                 &self.settings
             }
@@ -98,7 +98,7 @@ macro_rules! settings {
     };
 }
 
-/// Defines the builder of the weight of a task with settings.
+/// Defines the builder method for the weight of a task with settings.
 macro_rules! weight {
     ($task:ident) => {
         impl $task {
@@ -191,8 +191,8 @@ pub use crate::cost::Cost;
 pub use crate::formulation::{Equation, Feedback, Response, Task, VelocityTask};
 pub use crate::levels::Rows;
 
-/// Defines [`TaskConfig`]: for each kind of task its key in the configuration, its variant, and the file and
-/// the type of its table.
+/// Defines [`TaskConfig`] from a list with, for each kind of task, its key in the configuration, its variant,
+/// and the file and type of its table.
 macro_rules! task_kinds {
     (
         $( $(#[$doc:meta])* $key:literal => $variant:ident($file:ident::$config:ident), )*
@@ -206,14 +206,14 @@ macro_rules! task_kinds {
         #[derive(Debug, Clone, Deserialize, JsonSchema)]
         pub enum TaskConfig {
             $( $(#[$doc])* #[serde(rename = $key)] $variant($config), )*
-            /// A task that holds exactly, above all levels.
+            /// A constraint: a task that holds exactly, above all levels.
             #[serde(rename = "constraint")]
             Constraint(ConstraintConfig),
             $( $(#[$other_doc])* #[serde(rename = $other_key)] $other($other_config), )*
         }
 
         impl TaskConfig {
-            /// Returns the key of the task and its table, or the task that is a constraint.
+            /// Returns the key and table of the task, or the inner task if this is a constraint.
             fn table(&self) -> Result<(&'static str, &dyn TaskKind), &TaskConfig> {
                 match self {
                     $( Self::$variant(config) => Ok(($key, config)), )*
@@ -228,28 +228,29 @@ macro_rules! task_kinds {
 task_kinds! {
     /// A frame yields to a measured wrench like a mass on a spring and a damper.
     "admittance" => Admittance(admittance::AdmittanceConfig),
-    /// The point where the robot would have to step to come to rest follows a point; torques only.
+    /// The capture point, where the robot would have to step to come to rest, follows a target. Requires
+    /// `inverse_dynamics`.
     "capture_point" => CapturePoint(capture_point::CapturePointConfig),
     /// A frame follows a pose target.
     "cartesian" => Cartesian(cartesian::CartesianConfig),
-    /// The centre of mass follows a point.
+    /// The centre of mass follows a target point.
     "centre_of_mass" => CentreOfMass(centre_of_mass::CentreOfMassConfig),
     constraint,
-    /// Force and torque of a contact follow a target; torques only.
+    /// Force and torque of a contact follow a target. Requires `inverse_dynamics`.
     "contact_wrench" => ContactWrench(contact_wrench::ContactWrenchConfig),
-    /// An axis of a frame points at a point.
+    /// An axis of a frame points at a target point.
     "gaze" => Gaze(gaze::GazeConfig),
-    /// Soft limits; velocities only.
+    /// Limits are soft. Not with `inverse_dynamics`.
     "limit" => Limit(limit::LimitConfig),
     /// The joints move towards configurations in which a frame moves, or exerts forces, more easily.
     "manipulability" => Manipulability(manipulability::ManipulabilityConfig),
     /// Velocities, accelerations, efforts, torques or contact forces are minimised.
     "minimum" => Minimum(minimum::MinimumConfig),
-    /// The momentum about the centre of mass decays to zero; torques only.
+    /// The momentum about the centre of mass decays to zero. Requires `inverse_dynamics`.
     "momentum" => Momentum(momentum::MomentumConfig),
     /// The joints keep a posture.
     "posture" => Posture(posture::PostureConfig),
-    /// A frame reaches a pose in another frame of the robot.
+    /// A frame reaches a pose relative to another frame of the robot.
     "relative" => Relative(relative::RelativeConfig),
     /// A steered wheel turns into the direction of motion of its base.
     "rigid_rotation" => RigidRotation(rigid_rotation::RigidRotationConfig),
@@ -259,8 +260,8 @@ task_kinds! {
     "unicycle" => Unicycle(unicycle::UnicycleConfig),
 }
 
-/// A task as a constraint, which holds exactly, above all levels. Rows with zero weight stay free; otherwise
-/// weights and damping are ignored.
+/// A task as a constraint, which holds exactly, above all levels. Rows with zero weight stay free. Other
+/// weights, and damping, are ignored.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ConstraintConfig {

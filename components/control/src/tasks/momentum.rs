@@ -22,9 +22,9 @@ const REST: Momentum = Momentum { linear: Vector3::new(0.0, 0.0, 0.0), angular: 
 /// ```
 ///
 /// (OpenSoT's tasks of linear and angular momentum in one.) Momentum errors decay at the
-/// [`rate`](Self::rate). Without a target the momentum decays to zero. A weight of zero leaves a part free:
-/// an angular weight alone keeps the body from turning while the limbs move. Orin, Goswami and Lee,
-/// *Centroidal dynamics of a humanoid robot*, 2013.
+/// [`rate`](Self::rate). Without a target the momentum decays to zero. A weight of zero leaves the linear or
+/// angular part free: with an angular weight alone, the task keeps the body from turning while the limbs
+/// move. Orin, Goswami and Lee, *Centroidal dynamics of a humanoid robot*, 2013.
 #[derive(Clone, Debug)]
 pub struct MomentumTask {
     linear_weight: f64,
@@ -50,14 +50,14 @@ impl MomentumTask {
         }
     }
 
-    /// Sets the weights of the linear and the angular part.
+    /// Sets the weights of the linear \[1/N\] and the angular \[1/Nm\] part.
     #[must_use]
     pub fn weights(mut self, linear: f64, angular: f64) -> Self {
         (self.linear_weight, self.angular_weight) = (linear, angular);
         self
     }
 
-    /// Changes rate and weights from the next update on.
+    /// Changes the rate \[1/s\] and the weights from the next update on.
     pub fn set(&mut self, rate: f64, linear_weight: f64, angular_weight: f64) {
         self.equation.response = Response::velocity(rate);
         (self.linear_weight, self.angular_weight) = (linear_weight, angular_weight);

@@ -21,10 +21,10 @@ with_defaults! {
     #[derive(Clone, Copy, Debug, PartialEq)]
     pub struct PostureSettings;
 
-    /// Rate at which the error decays \[1/s\].
+    /// Rate at which the error decays \[1/s\]. Default 1.
     pub gain: f64 = 1.0;
     /// Cost of a joint velocity error \[1/(rad/s) or 1/(m/s)\], or of an acceleration error \[1/(rad/s2) or
-    /// 1/(m/s2)\].
+    /// 1/(m/s2)\]. Default 1e-3.
     pub weight: f64 = 1e-3;
 }
 
@@ -34,7 +34,7 @@ impl PostureSettings {
     }
 }
 
-/// Moves joint positions `q` to a posture `q*` \[rad or m\], which may move:
+/// Moves joint positions `q` to a fixed or moving posture `q*` \[rad or m\]:
 ///
 /// ```text
 /// e = q* - q,   nu = q*',   J = S                 the velocities of the independent joints
@@ -42,8 +42,8 @@ impl PostureSettings {
 /// ```
 ///
 /// A floating base is not affected. In a weighted sum the task determines the directions that other tasks
-/// leave free. Conflicting tasks compromise: at rest, a Cartesian task of weight `w` and gain `g` keeps an
-/// error of about `(weight^2 gain) / (w^2 g)` times the posture error.
+/// leave free. Conflicting tasks reach a compromise: at rest, a Cartesian task of weight `w` and gain `g`
+/// keeps an error of about `(weight^2 gain) / (w^2 g)` times the posture error.
 ///
 /// With an [impedance](Self::impedance) the joints accelerate like a robot without contacts under springs and
 /// dampers: `M^-1 (K (q* - q) + D (q*' - q'))` instead of `kp (q* - q) + kd (q*' - q')`.
@@ -88,7 +88,7 @@ impl PostureTask {
         self
     }
 
-    /// Sets the posture `q*`, at rest.
+    /// Sets a resting target posture `q*` \[rad or m\].
     ///
     /// # Panics
     /// If the length of `target` differs from the number of independent joints.
@@ -98,7 +98,7 @@ impl PostureTask {
         self.equation.rate_derivative.fill(0.0);
     }
 
-    /// Sets the posture, its velocity and its acceleration.
+    /// Sets a moving target: the posture, its velocity and its acceleration.
     ///
     /// # Panics
     /// If any length differs from the number of independent joints.
@@ -108,20 +108,20 @@ impl PostureTask {
         self.equation.rate_derivative.copy_from_slice(acceleration);
     }
 
-    /// Sets the weight factor of one joint; zero removes it.
+    /// Sets the weight factor of one joint; zero leaves the joint free.
     ///
     /// # Panics
-    /// If the joint does not exist.
+    /// If `joint` is out of range.
     pub fn set_share(&mut self, joint: usize, share: f64) {
         self.shares[joint] = share;
     }
 
-    /// The posture `q*`.
+    /// Returns the target posture `q*` \[rad or m\].
     pub fn target(&self) -> &[f64] {
         self.target.as_slice()
     }
 
-    /// `q* - q` at the last update.
+    /// Returns the error `q* - q` at the last update \[rad or m\].
     pub fn error(&self) -> &[f64] {
         self.equation.error.as_slice()
     }
@@ -153,14 +153,14 @@ impl Task for PostureTask {
 task_config! {
     /// A posture task: the joints keep a posture.
     PostureConfig "posture" {
-        /// A pose of the robot's profile. Default: its home pose, or the first measured pose if it has no
-        /// profile.
+        /// Pose of the robot's profile. Default: the home pose, or the first measured pose if the robot has
+        /// no profile.
         pose: Option<String> = None;
         /// Posture, rad or m: one number for all joints, or one per joint. Excludes `pose`.
         positions: Option<PerJoint> = None;
         /// Rate at which the error decays, 1/s, 0 to 1000; limited to half the tick rate. Default 1.
         gain: f64 = PostureSettings::default().gain => live(GAINS, "1/s", "rate at which the error decays");
-        /// Springs and dampers replacing the gain. Default: none.
+        /// Springs and dampers that replace the gain. Default: not used.
         impedance: Option<JointImpedanceConfig> = None;
         /// Cost of a joint velocity error, 1/(rad/s) or 1/(m/s), 0 to 1000. Default 1e-3.
         weight: f64 = PostureSettings::default().weight => live(
@@ -169,7 +169,7 @@ task_config! {
     }
 }
 
-/// Springs and dampers that pull the joints to their posture, replacing `gain`. Requires `inverse_dynamics`.
+/// Springs and dampers that pull the joints to their posture and replace `gain`. Requires `inverse_dynamics`.
 ///
 /// ```toml
 /// impedance = { stiffness = 100.0, damping = 10.0 }

@@ -19,7 +19,7 @@ with_defaults! {
     #[derive(Clone, Copy, Debug, PartialEq)]
     pub struct RelativeSettings;
 
-    /// Form of the error. Default logarithm.
+    /// Form of the error. Default: logarithm.
     pub error: PoseError = PoseError::Logarithm;
     /// Rate at which the error decays \[1/s\]. Default 10.
     pub gain: f64 = 10.0;
@@ -100,22 +100,23 @@ impl RelativeTask {
         Self { frames: [a, b], settings, target, other, equation }
     }
 
-    /// The frames `a` and `b`.
+    /// Returns the frames `a` and `b`.
     pub fn frames(&self) -> [FrameId; 2] {
         self.frames
     }
 
-    /// Target pose of `b` in the frame `a`.
+    /// Returns the target pose of `b` in the frame `a`.
     pub fn target(&self) -> &Isometry3<f64> {
         &self.target
     }
 
-    /// Sets the pose of `b` in the frame `a`.
+    /// Sets the target pose of `b` in the frame `a`.
     pub fn set_target(&mut self, target: Isometry3<f64>) {
         self.target = target;
     }
 
-    /// `e` at the last update: linear \[m\], angular \[rad\], in the axes of `b`, or of `a` if geometric.
+    /// Returns the error `e` at the last update: linear \[m\], then angular \[rad\]. It is in the axes of
+    /// `b`, or in the axes of `a` for a geometric error.
     pub fn error(&self) -> Vector6<f64> {
         self.equation.error.fixed_rows::<6>(0).into()
     }
@@ -198,11 +199,11 @@ impl Task for RelativeTask {
 }
 
 task_config! {
-    /// A relative task: a frame reaches a pose in another frame of the same robot.
+    /// A relative task: a frame reaches a pose relative to another frame of the same robot.
     RelativeConfig "relative" {
         /// Link whose frame moves. Default: the robot's only end effector.
         frame: Option<String> = None;
-        /// Link in whose frame the target is given.
+        /// Link relative to whose frame the target is given.
         other: String = String::new();
         /// Name of the input port of the target: the pose of `frame` in `other`; its velocity is ignored.
         /// Without a target the initial pose is kept. Default "relative_target".

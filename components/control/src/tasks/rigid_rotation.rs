@@ -28,8 +28,8 @@ const STANDING: f64 = 1e-6;
 /// nu = W                                          the base keeps its velocity
 /// ```
 ///
-/// (OpenSoT's task, with the rotation of the base as feed-forward.) The task is inactive for a standing or
-/// flat wheel.
+/// (OpenSoT's task, with the rotation of the base as feed-forward.) The task is inactive while the base
+/// stands still or the wheel lies flat.
 #[derive(Clone, Debug)]
 pub struct RigidRotationTask {
     wheel: FrameId,
@@ -46,9 +46,9 @@ pub struct RigidRotationTask {
 methods!(RigidRotationTask: with("1/s", "1/(rad/s) or 1/(rad/s2)"), feedback("set"), cost);
 
 impl RigidRotationTask {
-    /// Creates a task for the wheel whose centre is the origin of the frame `wheel`, with its axis in the
-    /// axes of that frame. The base has the frame `base` and is at rest on level ground. The gain is 10 and
-    /// the weight 1.
+    /// Creates a task for the wheel whose centre is the origin of the frame `wheel`. `axis` is the wheel's
+    /// axis in the axes of that frame. The base has the frame `base` and is initially at rest on level
+    /// ground. The gain is 10 and the weight 1.
     pub fn new(model: &Model, wheel: FrameId, base: FrameId, axis: Unit<Vector3<f64>>) -> Self {
         let mut equation = Equation::dense(1, 0, model.nv());
         equation.response = Response::decay(10.0);
@@ -56,13 +56,13 @@ impl RigidRotationTask {
         Self { wheel, base, axis, normal, twist: [0.0; 3], weight: 1.0, frame_jacobian, equation }
     }
 
-    /// Changes gain and weight from the next update on. With accelerations, the error decays critically
+    /// Changes the gain and weight from the next update on. With accelerations, the error decays critically
     /// damped at the gain.
     pub fn set(&mut self, gain: f64, weight: f64) {
         (self.equation.response, self.weight) = (Response::decay(gain), weight);
     }
 
-    /// Sets the ground normal, world axes.
+    /// Sets the ground normal in world axes.
     #[must_use]
     pub fn on(mut self, normal: Unit<Vector3<f64>>) -> Self {
         self.normal = normal;
@@ -74,7 +74,7 @@ impl RigidRotationTask {
         self.twist = [x, y, yaw];
     }
 
-    /// `e` at the last update \[rad\], from -pi/2 to pi/2; 0 while the task is inactive.
+    /// Returns the error `e` at the last update \[rad\], from -pi/2 to pi/2; 0 while the task is inactive.
     pub fn error(&self) -> f64 {
         self.equation.error[0]
     }
@@ -124,11 +124,11 @@ impl Task for RigidRotationTask {
 }
 
 task_config! {
-    /// A rigid rotation task: steers a wheel until it rolls in the direction in which its base moves it.
+    /// A rigid-rotation task: steers a wheel until it rolls in the direction in which its base moves it.
     RigidRotationConfig "rigid_rotation" {
-        /// Link of the wheel, whose frame has its origin at the centre of the wheel.
+        /// Link of the wheel. The origin of its frame must be at the centre of the wheel.
         frame: String = String::new();
-        /// Link of the base; the target is in its axes.
+        /// Link of the base, in whose axes the target is given.
         base: String = String::new();
         /// Axis of the wheel, in the axes of its frame. Default [0, 1, 0].
         axis: [f64; 3] = [0.0, 1.0, 0.0];

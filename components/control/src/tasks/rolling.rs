@@ -14,11 +14,11 @@ use crate::{MotionState, RobotState};
 /// Sine of the angle between wheel axis and ground normal below which the wheel is treated as flat.
 const FLAT: f64 = 1e-6;
 
-/// Keeps the contact point of a wheel at rest: the wheel rolls without slipping or sliding.
+/// Keeps the contact point of a wheel at rest, so that the wheel rolls without slipping or sliding.
 ///
-/// In world axes, with the axis `d` of the wheel, the normal `n` of the ground, the vector `c` from its
-/// centre to the contact, the velocity `v`, `w` of the wheel and its acceleration `v'`, `w'` for zero joint
-/// accelerations,
+/// In world axes, with the axis `d` of the wheel, the normal `n` of the ground, the vector `c` from the
+/// wheel's centre to the contact point, the velocity `v`, `w` of the wheel and its acceleration `v'`, `w'`
+/// for zero joint accelerations,
 ///
 /// ```text
 /// u    = (n - d d' n) / |n - d d' n|,   c = -radius u
@@ -60,7 +60,7 @@ methods!(RollingTask: weight("1/(m/s) or 1/(m/s2)"), rate("the slip"), set_weigh
 
 impl RollingTask {
     /// Creates a task for a wheel on level ground, with weight 1 and a rate of 20/s. The centre of the wheel
-    /// is the origin of `frame`, its `axis` is in the axes of that frame, and its `radius` is in m.
+    /// is the origin of `frame`, `axis` is in the axes of that frame, and `radius` is in m.
     pub fn new(model: &Model, frame: FrameId, axis: Unit<Vector3<f64>>, radius: f64) -> Self {
         let mut equation = Equation::dense(3, 0, model.nv());
         equation.response = Response::velocity(RATE);
@@ -68,14 +68,15 @@ impl RollingTask {
         Self { frame, axis, radius, normal, weight: 1.0, contact: None, frame_jacobian, equation }
     }
 
-    /// Sets the ground normal, world axes.
+    /// Sets the ground normal in world axes.
     #[must_use]
     pub fn on(mut self, normal: Unit<Vector3<f64>>) -> Self {
         self.normal = normal;
         self
     }
 
-    /// `c` at the last update \[m, world axes\]; zero for a flat wheel.
+    /// Returns the vector `c` from the wheel's centre to the contact point at the last update \[m, world
+    /// axes\]; zero for a flat wheel.
     pub fn contact(&self) -> Vector3<f64> {
         self.contact.map_or(Vector3::zeros(), |contact| contact.arm)
     }
@@ -122,9 +123,9 @@ impl Task for RollingTask {
 }
 
 task_config! {
-    /// A rolling task: the contact point of a wheel rests on the ground.
+    /// A rolling task: the contact point of a wheel does not move on the ground.
     RollingConfig "rolling" {
-        /// Link of the wheel, whose frame has its origin at the centre of the wheel.
+        /// Link of the wheel. The origin of its frame must be at the centre of the wheel.
         frame: String = String::new();
         /// Axis of the wheel, in the axes of its frame. Default [0, 1, 0].
         axis: [f64; 3] = [0.0, 1.0, 0.0];

@@ -13,19 +13,19 @@ use super::{Cost, Equation, Response, Task};
 use crate::{MotionState, RobotState};
 
 with_defaults! {
-    /// Speeds and weights of a [`UnicycleTask`].
+    /// Target speeds and weights of a [`UnicycleTask`].
     #[derive(Clone, Copy, Debug, PartialEq)]
     pub struct UnicycleSettings;
 
-    /// Speed along the x axis of the frame \[m/s\]. Default 0.
+    /// Target speed along the x axis of the frame \[m/s\]. Default 0.
     pub forward: f64 = 0.0;
-    /// Angular velocity about the z axis of the frame \[rad/s\]. Default 0.
+    /// Target angular velocity about the z axis of the frame \[rad/s\]. Default 0.
     pub yaw_rate: f64 = 0.0;
-    /// Cost of an error of the forward speed \[1/(m/s)\]; 0 leaves it to other tasks. Default 1.
+    /// Cost of an error of the forward speed \[1/(m/s)\]; 0 leaves the speed to other tasks. Default 1.
     pub forward_weight: f64 = 1.0;
     /// Cost of sideways motion \[1/(m/s)\]. Default 1.
     pub sideways_weight: f64 = 1.0;
-    /// Cost of an error of the yaw rate \[1/(rad/s)\]; 0 leaves it to other tasks. Default 1.
+    /// Cost of an error of the yaw rate \[1/(rad/s)\]; 0 leaves the yaw rate to other tasks. Default 1.
     pub yaw_weight: f64 = 1.0;
 }
 
@@ -77,19 +77,19 @@ impl UnicycleTask {
         Self { frame, settings: UnicycleSettings::default(), frame_jacobian, equation }
     }
 
-    /// Sets speeds and weights.
+    /// Sets the target speeds and weights.
     #[must_use]
     pub fn with(mut self, settings: UnicycleSettings) -> Self {
         self.settings = settings;
         self
     }
 
-    /// Changes speeds and weights from the next update on.
+    /// Changes the target speeds and weights from the next update on.
     pub fn set_settings(&mut self, settings: UnicycleSettings) {
         self.settings = settings;
     }
 
-    /// Speeds and weights.
+    /// Returns the target speeds and weights.
     pub fn settings(&self) -> &UnicycleSettings {
         &self.settings
     }

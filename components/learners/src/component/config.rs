@@ -13,11 +13,11 @@ use serde::Deserialize;
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LearnerTaskConfig {
-    /// File of the task, relative to the graph file.
+    /// Path of the task file, relative to the graph file.
     #[schemars(extend("format" = "path"))]
     pub task: String,
-    /// Gravity, ground and objects around the robot, compared with the task's. Default: the world of the
-    /// graph.
+    /// Gravity, ground and objects around the robot, which are compared with the task's. Default: the world
+    /// of the graph.
     #[serde(default)]
     pub world: World,
     /// Maximum age of a measurement, at least 1 ms. Default "100 ms".

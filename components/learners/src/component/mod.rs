@@ -33,11 +33,11 @@ const CAPACITY: usize = 16;
 /// Evaluates a policy on a task: publishes the observation and the reward of every policy step, and can end
 /// the episode when the task ends.
 ///
-/// The component evaluates the same terms as training, so a graph and an environment give the same numbers.
-/// It runs at the rate of the policy. A step is judged by the state at the next step and by the action
-/// published in between. The first observation of an episode is the last one before the first action of the
-/// policy. With `ends_episode = true` the component ends the episode with the task; otherwise it publishes
-/// nothing until the next episode starts.
+/// The component evaluates the same terms as training, so a graph and a training environment yield the same
+/// values. It runs at the rate of the policy. The reward of a step depends on the state at the next step and
+/// on the action published in between. The first observation of an episode is the last one before the first
+/// action of the policy. With `ends_episode = true` the component ends the episode when the task ends;
+/// otherwise it publishes nothing from then until the next episode starts.
 pub struct LearnerTask {
     terms: Terms,
     trial: Trial,
@@ -416,7 +416,7 @@ impl Inputs {
     }
 }
 
-/// Returns the component kinds of this crate, for a host program.
+/// Returns the component kinds of this crate, to be registered by a host program.
 ///
 /// ```
 /// let names: Vec<_> = motorium_learners::kinds().iter().map(|kind| kind.name).collect();

@@ -15,7 +15,7 @@ use serde::Deserialize;
 
 use crate::learner;
 
-/// Topic of the progress.
+/// Name of the topic on which progress is published.
 pub const PROGRESS_TOPIC: &str = "learn/progress";
 /// Name of the component that the training program replaces.
 const COMPONENT: &str = "learner";
@@ -26,15 +26,15 @@ motorium::state_buffer! {
     /// Progress of a training run after an update. Values that the algorithm does not measure, or has not
     /// measured yet, are 0.
     pub struct LearningProgress as "motorium.LearningProgress" {
-        /// Number of updates.
+        /// Number of updates so far.
         pub update: u64,
-        /// Total steps of all worlds.
+        /// Total steps of all worlds so far.
         pub steps: u64,
-        /// Number of finished episodes.
+        /// Number of finished episodes so far.
         pub episodes: u64,
         /// Mean return of the last 100 episodes.
         pub mean_return: f64,
-        /// Mean length of the last 100 episodes, in steps.
+        /// Mean length of the last 100 episodes \[steps\].
         pub mean_length: f64,
         /// Steps of all worlds per second since the start of the program.
         pub steps_per_second: f64,
@@ -44,7 +44,7 @@ motorium::state_buffer! {
         pub value_loss: f64,
         /// Squared error of the critics.
         pub critic_loss: f64,
-        /// Mean value of the critics.
+        /// Mean value estimated by the critics.
         pub value: f64,
         /// Entropy of the policy.
         pub entropy: f64,
@@ -52,13 +52,14 @@ motorium::state_buffer! {
         pub divergence: f64,
         /// Learning rate.
         pub rate: f64,
-        /// Weight of the entropy.
+        /// Weight of the entropy bonus.
         pub temperature: f64,
     }
 }
 
 impl LearningProgress {
-    /// Creates a message from the progress of a learner, whose values are named by `measures`.
+    /// Creates a message from the progress of a learner. `measures` contains the names of the progress
+    /// values.
     pub fn new(progress: &learner::Progress, measures: &[&str], steps_per_second: f64) -> Self {
         let finite = |value: f64| if value.is_finite() { value } else { 0.0 };
         let measured = |name: &str| {
@@ -128,7 +129,7 @@ fn kind() -> Kind {
     Kind::of::<ProgressWriter>()
 }
 
-/// The progress cannot be published.
+/// Error of publishing progress.
 #[derive(Debug, thiserror::Error)]
 pub enum FeedError {
     /// The run did not start or has ended.
@@ -139,7 +140,7 @@ pub enum FeedError {
     Thread,
 }
 
-/// A run on whose topic [`PROGRESS_TOPIC`] a training program publishes its progress. A separate thread
+/// A run that publishes the progress of a training program on the topic [`PROGRESS_TOPIC`]. A separate thread
 /// drives the run, so training never waits for it. Dropping the feed ends the run.
 #[derive(Debug)]
 pub struct ProgressFeed {
@@ -149,11 +150,11 @@ pub struct ProgressFeed {
 }
 
 impl ProgressFeed {
-    /// Starts the run. Signals are left to the program.
+    /// Starts the run. Signals such as Ctrl-C are left to the program.
     ///
     /// # Errors
     ///
-    /// [`FeedError`].
+    /// [`FeedError`] if the run or its thread does not start.
     pub fn start() -> Result<Self, FeedError> {
         let (sender, receiver) = mpsc::channel();
         let (started, ready) = mpsc::channel();

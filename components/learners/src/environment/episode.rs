@@ -119,18 +119,18 @@ impl Episode {
     }
 }
 
-/// A finished episode.
+/// Summary of a finished episode.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EpisodeSummary {
-    /// Return: the sum of its rewards.
+    /// Return: the sum of the rewards.
     pub total: f64,
     /// Number of steps.
     pub steps: usize,
-    /// How it ended.
+    /// Reason for the end of the episode.
     pub end: End,
 }
 
-/// One world of a task.
+/// One world of a task, in which episodes run.
 ///
 /// ```
 /// use std::path::Path;
@@ -168,7 +168,7 @@ pub struct Environment<E> {
 }
 
 impl<E: Engine> Environment<E> {
-    /// Creates world `world` of a training run with a seed, before its first episode.
+    /// Creates the world with index `world` of a training run with a seed, before its first episode.
     ///
     /// # Errors
     ///
@@ -200,7 +200,7 @@ impl<E: Engine> Environment<E> {
     ///
     /// # Errors
     ///
-    /// [`EnvironmentError`].
+    /// [`EnvironmentError`] if the episode cannot start.
     pub fn reset(&mut self) -> Result<&[f32], EnvironmentError> {
         self.start(None)
     }
@@ -210,7 +210,7 @@ impl<E: Engine> Environment<E> {
     ///
     /// # Errors
     ///
-    /// [`EnvironmentError`].
+    /// [`EnvironmentError`] if the episode cannot start.
     pub fn reset_from(&mut self, seed: u64) -> Result<&[f32], EnvironmentError> {
         self.start(Some(seed))
     }
@@ -222,11 +222,11 @@ impl<E: Engine> Environment<E> {
         Ok(&self.episode.observation)
     }
 
-    /// Runs the next episode to its end. `act` writes the action for an observation.
+    /// Runs the next episode to its end. `act` receives an observation and must write the action.
     ///
     /// # Errors
     ///
-    /// [`EnvironmentError`].
+    /// [`EnvironmentError`] if the episode cannot start.
     pub fn run_episode(
         &mut self,
         mut act: impl FnMut(&[f32], &mut [f32]),
@@ -250,13 +250,14 @@ impl<E: Engine> Environment<E> {
         &self.episode.observation
     }
 
-    /// Returns the current command: forward, left \[m/s\], turn \[rad/s\], or the position of the target
-    /// \[m\].
+    /// Returns the current command: velocity forwards and to the left \[m/s\] and yaw rate \[rad/s\], or the
+    /// position of the target \[m\].
     pub fn command(&self) -> [f64; 3] {
         self.episode.trial.command()
     }
 
-    /// Applies an action for one policy step. After the end of an episode, call [`reset`](Self::reset) first.
+    /// Applies an action for one policy step. After the end of an episode, call [`reset`](Self::reset) before
+    /// the next step.
     ///
     /// # Panics
     ///

@@ -18,7 +18,7 @@ use motorium_physics::{BuildError, ResetError, StepError};
 use crate::task::TaskError;
 pub use crate::task::{End, Step};
 
-/// Errors of environments.
+/// Error of creating or running an environment.
 #[derive(Debug, thiserror::Error)]
 pub enum EnvironmentError {
     /// The task does not fit the robot.
@@ -27,14 +27,14 @@ pub enum EnvironmentError {
     /// The simulation cannot be built.
     #[error(transparent)]
     Build(#[from] BuildError),
-    /// An episode cannot start.
+    /// The start state of an episode is invalid.
     #[error("world {world}, episode {episode}: {source}")]
     Reset {
         /// Index of the world.
         world: u64,
         /// Number of the episode.
         episode: u64,
-        /// Reason.
+        /// Reason why the episode cannot start.
         source: ResetError,
     },
     /// A physics step failed before the first observation.
@@ -44,7 +44,7 @@ pub enum EnvironmentError {
         world: u64,
         /// Number of the episode.
         episode: u64,
-        /// Reason.
+        /// Reason why the physics step failed.
         source: StepError,
     },
 }

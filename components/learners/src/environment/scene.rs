@@ -9,23 +9,23 @@ use motorium_worlds::{World, WorldError};
 
 use crate::task::{Task, digest_joints, robot_digest};
 
-/// The robot of a task or its world cannot be loaded.
+/// Error of loading the robot of a task or its world.
 #[derive(Debug, thiserror::Error)]
 pub enum SceneError {
     /// The file or the profile of the robot is invalid.
     #[error("`robot`: \"{robot}\": {source}")]
     Load {
-        /// The robot of the task.
+        /// Robot as named in the task.
         robot: String,
-        /// Reason.
+        /// Reason why loading failed.
         source: Box<LoadError>,
     },
     /// The profile names a frame that the robot lacks.
     #[error("`robot`: \"{robot}\": {source}")]
     Frame {
-        /// The robot of the task.
+        /// Robot as named in the task.
         robot: String,
-        /// Reason.
+        /// Description of the unknown frame.
         source: UnknownFrame,
     },
     /// The world of the task is invalid.
@@ -44,11 +44,11 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// Loads the robot of a task; files are relative to `base`.
+    /// Loads the robot and the world of a task. Paths in the task are relative to `base`.
     ///
     /// # Errors
     ///
-    /// [`SceneError`].
+    /// [`SceneError`] if the robot or the world cannot be loaded.
     pub fn load(task: &Task, base: &Path) -> Result<Self, SceneError> {
         let robot = || task.robot.clone();
         let loaded = load(&task.robot, base)
@@ -77,7 +77,7 @@ impl Scene {
     ///
     /// # Errors
     ///
-    /// [`BuildError`].
+    /// [`BuildError`] if the robot or the world cannot be simulated.
     pub fn simulation(&self) -> Result<ArticulatedSimulator, BuildError> {
         ArticulatedSimulator::new(self.robot.clone(), self.world.clone(), &self.start, Options::default())
     }

@@ -19,19 +19,19 @@ struct Data {
     failure: Option<EnvironmentError>,
 }
 
-/// Progress of the running episode of a world, from which it can be replayed.
+/// Running episode of a world, with the data required to replay it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Progress {
     /// Number of the episode.
     pub number: u64,
-    /// Level of the curriculum at its start, 0 to 1.
+    /// Level of the curriculum at the start of the episode, 0 to 1.
     pub level: f64,
-    /// Its actions so far.
+    /// Actions of the episode so far.
     pub actions: Vec<f32>,
 }
 
-/// Many worlds of a task, stepped on several threads. When an episode ends, the next one starts in the same
-/// step; the final observation is kept next to the new first observation.
+/// Many worlds of a task, stepped on several threads. When an episode ends, the next episode starts in the
+/// same step; the final observation remains available next to the first observation of the new episode.
 pub struct VectorEnvironment<E> {
     batch: Batch<E, Data>,
     stage: Arc<Stage>,
@@ -48,7 +48,8 @@ impl<E: Engine + Send> VectorEnvironment<E> {
     ///
     /// # Errors
     ///
-    /// [`EnvironmentError`].
+    /// [`EnvironmentError`] if the task does not fit the robot, a simulation cannot be built, or an episode
+    /// cannot start.
     pub fn new(
         task: &Task,
         (worlds, threads): (usize, usize),
@@ -101,8 +102,8 @@ impl<E: Engine + Send> VectorEnvironment<E> {
         self.batch.on_threads(work);
     }
 
-    /// Returns the observations of all worlds, one after the other; after the end of an episode, the first
-    /// observation of the next.
+    /// Returns the observations of all worlds, one after the other. For a world whose episode has ended, this
+    /// is the first observation of the next episode.
     pub fn observations(&self) -> &[f32] {
         &self.observations
     }
@@ -135,12 +136,12 @@ impl<E: Engine + Send> VectorEnvironment<E> {
         episodes.map(progress).collect()
     }
 
-    /// Starts the given episode of each world of a run with a seed and replays its actions. This restores the
-    /// worlds bit for bit.
+    /// Restores the worlds of a run with a seed bit for bit, by starting the given episode of each world and
+    /// replaying its actions.
     ///
     /// # Errors
     ///
-    /// [`EnvironmentError::Reset`].
+    /// [`EnvironmentError::Reset`] if an episode cannot start.
     ///
     /// # Panics
     ///
@@ -160,11 +161,11 @@ impl<E: Engine + Send> VectorEnvironment<E> {
         self.collect()
     }
 
-    /// Ends the running episode of each world and starts the next.
+    /// Ends the running episode of each world and starts the next episode.
     ///
     /// # Errors
     ///
-    /// [`EnvironmentError::Reset`].
+    /// [`EnvironmentError::Reset`] if an episode cannot start.
     pub fn restart(&mut self) -> Result<(), EnvironmentError> {
         let (stage, level) = (&self.stage, self.level);
         self.batch.each(|_, simulation, data| {
@@ -175,7 +176,7 @@ impl<E: Engine + Send> VectorEnvironment<E> {
         self.collect()
     }
 
-    /// Applies one action per world; `actions` contains them one after the other.
+    /// Applies one action per world; `actions` contains the actions of all worlds, one after the other.
     ///
     /// # Errors
     ///
@@ -202,9 +203,9 @@ impl<E: Engine + Send> VectorEnvironment<E> {
         Ok(&self.steps)
     }
 
-    /// Applies one action per world and steps physics as [`step`](Self::step) does, but without observations,
-    /// rewards and ends of episodes. Pushes do not change. Call [`restart`](Self::restart) before the next
-    /// step of the task.
+    /// Applies one action per world and steps physics like [`step`](Self::step), but without observations,
+    /// rewards, ends of episodes or changes of pushes. Call [`restart`](Self::restart) before the next step
+    /// of the task.
     ///
     /// # Panics
     ///

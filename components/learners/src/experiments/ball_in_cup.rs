@@ -40,20 +40,20 @@ const ROLLOUTS: u64 = 25;
 /// Increase of the return that multiplies PoWER's positive reward by e.
 const TEMPERATURE: f64 = 3.0;
 
-/// Meaning of the weights of a search.
+/// Kind of the weights that a search varies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Weights {
     /// Weights of eigenforces.
     Library,
-    /// Weights of kernels with equal shares of the attempts' response.
+    /// Weights of kernels, explored such that each kernel has the same share of the attempts' response.
     Kernels,
-    /// Weights of kernels with the variances of a fit to the attempts.
+    /// Weights of kernels, explored with the variances of a fit to the attempts.
     FittedKernels,
 }
 
 impl Weights {
-    /// All of them.
+    /// All kinds of weights.
     pub const ALL: [Self; 3] = [Self::Library, Self::Kernels, Self::FittedKernels];
 
     /// Returns the name in figures.
@@ -74,20 +74,20 @@ impl Weights {
     }
 }
 
-/// Settings of a study.
+/// Settings of a study of the ball-in-cup task.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct StudySettings {
-    /// First seed.
+    /// First seed of the searches.
     pub first_seed: u64,
-    /// Number of seeds, from 1.
+    /// Number of seeds, at least 1.
     pub seeds: u64,
-    /// Numbers of weights to compare, each from 2.
+    /// Numbers of weights to compare, each at least 2.
     pub weights: Vec<usize>,
-    /// Number of episodes of a search, from 1.
+    /// Number of episodes of a search, at least 1.
     pub rollouts: u64,
 }
 
-/// Errors of a study.
+/// Error of a study of the ball-in-cup task.
 #[derive(Debug, thiserror::Error)]
 pub enum StudyError {
     /// The robot cannot be loaded.
@@ -116,10 +116,10 @@ pub enum StudyError {
     },
 }
 
-/// Result of an evaluation.
+/// Evaluation of the movement after a number of rollouts.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Point {
-    /// Number of preceding rollouts; 0 at the start.
+    /// Number of rollouts before the evaluation; 0 at the start.
     pub rollouts: u64,
     /// Mean return of the movement without exploration.
     pub mean_return: f64,
@@ -127,20 +127,20 @@ pub struct Point {
     pub caught: f64,
 }
 
-/// Learning curve of a search.
+/// Learning curve of one search.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Trial {
-    /// Meaning of the weights.
+    /// Kind of the weights.
     pub weights: Weights,
     /// Number of weights.
     pub count: usize,
-    /// Seed.
+    /// Seed of the search.
     pub seed: u64,
     /// Evaluations in the order of the rollouts.
     pub curve: Vec<Point>,
 }
 
-/// Results of searches in all spaces with several seeds.
+/// Results of searches with all kinds of weights and several seeds.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Study {
     /// Fraction of the demonstrator's attempts that catch the ball.
@@ -155,7 +155,7 @@ impl Study {
     ///
     /// # Errors
     ///
-    /// [`StudyError`].
+    /// [`StudyError`] if the robot cannot be loaded, or a search or an environment fails.
     pub fn run(
         task: &Task,
         base: &Path,

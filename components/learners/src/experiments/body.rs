@@ -8,7 +8,7 @@ use nalgebra::DMatrix;
 
 use super::search::Goal;
 
-/// Samples of a window: 2 s at [`RATE`].
+/// Number of samples of a window: 2 s at [`RATE`].
 pub const WINDOW: usize = 60;
 /// Samples between the starts of two successive windows.
 const STRIDE: usize = 8;
@@ -19,7 +19,8 @@ const SMOOTH: f64 = 1.5;
 /// Sampling rate, Hz.
 pub const RATE: f64 = 30.0;
 
-/// Channels of arms and legs in the recordings, deg. `*` at the end of a name matches any suffix.
+/// Names of the channels of arms and legs in the recordings, deg. `*` at the end of a name matches any
+/// suffix.
 pub const CHANNELS: [&str; 12] = [
     "lhumerus*",
     "lradius*",
@@ -39,8 +40,8 @@ const RIGHT_ARM: &str = "rhumerus*,rradius*,rwrist*,rhand_*";
 const LEFT_LEG: &str = "lfemur*,ltibia*";
 const RIGHT_LEG: &str = "rfemur*,rtibia*";
 
-/// Splits clips with the channels [`CHANNELS`] (deg) into smoothed windows in rad. Returns the windows of the
-/// first four fifths of each clip for training, and of the rest for evaluation.
+/// Splits recordings with the channels [`CHANNELS`] (deg) into smoothed windows in rad. Returns the windows
+/// of the first four fifths of each recording for training, and the windows of the last fifth for evaluation.
 pub fn windows(mut clips: Recordings) -> (Recordings, Recordings) {
     let mut rest = Recordings { names: clips.names.clone(), trajectories: Vec::new() };
     for clip in &mut clips.trajectories {
@@ -68,7 +69,7 @@ pub fn difference(a: &MotionLibrary, b: &MotionLibrary) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b).abs() / largest).fold(0.0, f64::max)
 }
 
-/// Errors of [`Body::learn`].
+/// Error of [`Body::learn`].
 #[derive(Debug, thiserror::Error)]
 pub enum BodyError {
     /// No library can be learned from these windows.
@@ -85,32 +86,32 @@ pub enum BodyError {
     Spring(#[from] SpringError),
 }
 
-/// Libraries of a full body, of its parts, and of the merged parts. All use the force metric.
+/// Motion libraries of a full body, of its parts, and of the merged parts. All use the force metric.
 #[derive(Clone, Debug)]
 pub struct Body {
-    /// All degrees of freedom, learned from recordings.
+    /// Library of all degrees of freedom, built from recordings.
     pub whole: MotionLibrary,
-    /// Both arms, split off the whole.
+    /// Library of both arms, split off `whole`.
     pub arms: MotionLibrary,
-    /// Both legs, split off the whole.
+    /// Library of both legs, split off `whole`.
     pub legs: MotionLibrary,
-    /// The right arm, split off the whole.
+    /// Library of the right arm, split off `whole`.
     pub right_arm: MotionLibrary,
-    /// The left leg, split off the whole.
+    /// Library of the left leg, split off `whole`.
     pub left_leg: MotionLibrary,
-    /// Arms and legs merged as parts that moved together; equals the whole.
+    /// Library of arms and legs merged as parts of the same movements; equal to `whole`.
     pub together: MotionLibrary,
-    /// Arms and legs merged as parts that move independently.
+    /// Library of arms and legs merged as parts that move independently.
     pub two_parts: MotionLibrary,
-    /// The four limbs merged as parts that move independently.
+    /// Library of the four limbs merged as parts that move independently.
     pub four_parts: MotionLibrary,
 }
 
 impl Body {
-    /// Learns the libraries from windows with the names of [`CHANNELS`].
+    /// Builds the libraries from windows with the names of [`CHANNELS`].
     ///
     /// # Errors
-    /// No library can be learned from the windows, or they lack arms or legs.
+    /// [`BodyError`] if no library can be built from the windows, or they lack arms or legs.
     pub fn learn(seen: &Recordings) -> Result<Self, BodyError> {
         let spring = SampledSpring::new(WINDOW, DAMPING)?;
         let whole = MotionLibrary::build(seen, spring, Metric::Force, Truncation::All)?;
@@ -127,7 +128,8 @@ impl Body {
         Ok(Self { whole, arms, legs, right_arm, left_leg, together, two_parts, four_parts })
     }
 
-    /// Returns goals that combine the arms of one held-out window with the legs of a window of another clip.
+    /// Returns goals that combine the arms of one held-out window with the legs of a window from another
+    /// recording.
     pub fn composites(&self, held: &Recordings) -> Vec<Goal> {
         let spring = self.whole.spring();
         let arm_names = self.arms.layout().names();
@@ -156,7 +158,7 @@ impl Body {
     }
 
     /// Returns the first `n` eigenforces of a library of all degrees of freedom, with rows in the order of
-    /// the whole.
+    /// `whole`.
     pub fn eigenforces(&self, library: &MotionLibrary, n: usize) -> DMatrix<f64> {
         let basis = Basis::eigenforces(library, n);
         let steps = self.whole.spring().forces();
@@ -170,7 +172,7 @@ impl Body {
     }
 
     /// Returns the position errors of goals reproduced with the first `n` eigenforces of a library, relative
-    /// to their mean spread.
+    /// to the mean spread of the goals.
     pub fn errors(&self, library: &MotionLibrary, n: usize, goals: &[Goal]) -> Vec<f64> {
         let data = DMatrix::from_fn(self.whole.rows(), goals.len(), |i, k| goals[k].forces[i]);
         let spread = goals.iter().map(|goal| goal.spread).sum::<f64>() / goals.len().max(1) as f64;
@@ -181,10 +183,11 @@ impl Body {
     }
 }
 
-/// Learns a library of the degrees of freedom of `part` from recordings of these alone.
+/// Builds a library of the degrees of freedom of `part` from the recordings of these degrees of freedom
+/// alone.
 ///
 /// # Errors
-/// No library can be learned from the recordings.
+/// [`BuildError`] if no library can be built from the recordings.
 pub fn learned_alone(seen: &Recordings, part: &MotionLibrary) -> Result<MotionLibrary, BuildError> {
     let names = part.layout().names();
     let columns: Vec<usize> =

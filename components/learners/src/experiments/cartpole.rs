@@ -23,9 +23,9 @@ use crate::ppo::{Ppo, PpoSettings};
 use crate::search::{Start, StartError, TellError};
 use crate::task::Task;
 
-/// Weights of the demonstrator for the observations of the task (positions of cart and pole relative to the
-/// default pose \[m, rad\], then their velocities), followed by its bias. The action is a fraction of the
-/// maximum force.
+/// Weights of the demonstrator for the observations of the task, followed by its bias. The observations are
+/// the positions of cart and pole relative to the default pose \[m, rad\], then their velocities. The action
+/// is a fraction of the maximum force.
 pub const DEMONSTRATOR: [f32; 5] = [0.0, 2.0, 0.0, 0.3, 0.03];
 /// Length of an observation.
 const INPUTS: usize = DEMONSTRATOR.len() - 1;
@@ -36,13 +36,13 @@ const ROLLOUTS: u64 = 10;
 /// PPO updates between two evaluations of its policy.
 const UPDATES: u64 = 4;
 
-/// A method that learns from rewards.
+/// Method that learns from rewards.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Method {
-    /// A linear policy by PoWER.
+    /// PoWER, which trains a linear policy.
     Power,
-    /// A network by PPO.
+    /// PPO, which trains a network.
     Ppo,
 }
 
@@ -59,18 +59,18 @@ impl Method {
     }
 }
 
-/// The policy from which a method starts.
+/// Policy from which a method starts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Beginning {
     /// A clone of the demonstrator.
     Imitation,
-    /// Zero weights, or random weights of a network.
+    /// Zero weights of a linear policy, or random weights of a network.
     Scratch,
 }
 
 impl Beginning {
-    /// All beginnings.
+    /// All initial policies.
     pub const ALL: [Self; 2] = [Self::Imitation, Self::Scratch];
 
     /// Returns the name in figures.
@@ -82,22 +82,22 @@ impl Beginning {
     }
 }
 
-/// Settings of a study.
+/// Settings of a study of the cart-pole task.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct StudySettings {
-    /// First seed.
+    /// First seed of the trials.
     pub first_seed: u64,
-    /// Number of seeds, from 1.
+    /// Number of seeds, at least 1.
     pub seeds: u64,
-    /// Number of steps of a demonstration, from 1.
+    /// Number of steps of a demonstration, at least 1.
     pub demonstration: u64,
-    /// Number of episodes of a PoWER run, from 1.
+    /// Number of episodes of a PoWER run, at least 1.
     pub rollouts: u64,
-    /// Number of steps of a PPO run, from 1.
+    /// Number of steps of a PPO run, at least 1.
     pub steps: u64,
 }
 
-/// Errors of a study.
+/// Error of a study of the cart-pole task.
 #[derive(Debug, thiserror::Error)]
 pub enum StudyError {
     /// The robot cannot be loaded.
@@ -122,7 +122,7 @@ pub enum StudyError {
     #[error(transparent)]
     Network(#[from] OnnxError),
     /// The observations or actions of the task differ from a cart-pole's.
-    #[error("the task has {inputs} observations and {actions} actions, expected 4 and 2, as of a cart-pole")]
+    #[error("the task has {inputs} observations and {actions} actions, expected 4 and 2 as for a cart-pole")]
     Task {
         /// Length of an observation.
         inputs: usize,
@@ -131,10 +131,10 @@ pub enum StudyError {
     },
 }
 
-/// Mean return after some experience.
+/// Mean return after a given amount of experience.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Point {
-    /// Episodes of PoWER, or steps of PPO; 0 is the start.
+    /// Number of episodes of PoWER, or of steps of PPO; 0 at the start.
     pub experience: u64,
     /// Mean return of the policy without exploration.
     pub mean_return: f64,
@@ -143,29 +143,29 @@ pub struct Point {
 /// Learning curve of one method with one seed.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Trial {
-    /// Method.
+    /// Method that learns.
     pub method: Method,
-    /// Beginning.
+    /// Policy from which the method starts.
     pub beginning: Beginning,
-    /// Seed.
+    /// Seed of the trial.
     pub seed: u64,
     /// Mean returns in order of experience.
     pub curve: Vec<Point>,
 }
 
 impl Trial {
-    /// Returns the experience after which the mean return first reaches `level`, or `None` if it never does.
+    /// Returns the experience after which the mean return first reaches `level`; `None` if it never does.
     pub fn experience_to(&self, level: f64) -> Option<u64> {
         self.curve.iter().find(|point| point.mean_return >= level).map(|point| point.experience)
     }
 }
 
-/// Trials of all methods and beginnings with several seeds.
+/// Trials of all methods and initial policies with several seeds.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Study {
     /// Mean return of the demonstrator, one per seed.
     pub demonstrator: Vec<f64>,
-    /// All trials, ordered by method, beginning and seed.
+    /// All trials, ordered by method, initial policy and seed.
     pub trials: Vec<Trial>,
 }
 
@@ -188,7 +188,7 @@ impl Study {
     ///
     /// # Errors
     ///
-    /// [`StudyError`].
+    /// [`StudyError`] if the robot cannot be loaded, or a method or an environment fails.
     pub fn run(
         task: &Task,
         base: &Path,
@@ -235,7 +235,7 @@ impl Study {
         Ok(study)
     }
 
-    /// Returns the trials of a method with a beginning.
+    /// Returns the trials of a method with an initial policy.
     pub fn trials(&self, method: Method, beginning: Beginning) -> impl Iterator<Item = &Trial> {
         self.trials.iter().filter(move |trial| (trial.method, trial.beginning) == (method, beginning))
     }

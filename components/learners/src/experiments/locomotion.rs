@@ -23,9 +23,9 @@ pub const DIMENSIONS: usize = 6;
 /// An optimised parameter of the gait.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GaitParameter {
-    /// Name with its unit.
+    /// Name of the parameter with its unit.
     pub name: &'static str,
-    /// Range of the search.
+    /// Range in which the parameter is searched.
     pub range: [f64; 2],
     /// Value of the hand-set gait, `graphs/quadruped-trot.toml`.
     pub hand_set: f64,
@@ -42,12 +42,12 @@ pub const PARAMETERS: [GaitParameter; DIMENSIONS] = [
     GaitParameter { name: "hip angle, rad", range: [0.6, 1.0], hand_set: 0.8 },
 ];
 
-/// Returns the hand-set gait.
+/// Returns the parameters of the hand-set gait.
 pub fn hand_set() -> [f64; DIMENSIONS] {
     PARAMETERS.map(|parameter| parameter.hand_set)
 }
 
-/// Returns the keys of a component `policy.cpg` named `policy`, with their values for a gait.
+/// Returns the configuration keys of a `policy.cpg` component named `policy`, with their values for a gait.
 pub fn keys(gait: &[f64; DIMENSIONS]) -> Vec<(String, f64)> {
     let [frequency, hip_amplitude, knee_amplitude, hip_phase, knee_phase, hip_angle] = *gait;
     let mut keys = vec![("policy.config.frequency".to_owned(), frequency)];
@@ -74,14 +74,14 @@ pub fn keys(gait: &[f64; DIMENSIONS]) -> Vec<(String, f64)> {
 pub enum Searcher {
     /// Bayesian optimisation as in the thesis: RBF kernel, expected improvement, 5 initial points.
     BayesianRbf,
-    /// The same with a Matern 5/2 kernel.
+    /// Bayesian optimisation with a Matern 5/2 kernel.
     BayesianMatern,
-    /// Uniform candidates, the baseline.
+    /// Uniformly distributed candidates, as the baseline.
     Random,
 }
 
 impl Searcher {
-    /// All methods.
+    /// All search methods.
     pub const ALL: [Self; 3] = [Self::BayesianRbf, Self::BayesianMatern, Self::Random];
 
     /// Returns the name in figures.
@@ -97,7 +97,7 @@ impl Searcher {
     ///
     /// # Errors
     ///
-    /// [`StartError`], never with the ranges of [`PARAMETERS`].
+    /// [`StartError`] if the settings are invalid, which does not occur with the ranges of [`PARAMETERS`].
     pub fn search(self, seed: u64) -> Result<Box<dyn Search>, StartError> {
         let bounds = PARAMETERS.map(|parameter| parameter.range).to_vec();
         let bayesian = |smoothness| {
@@ -114,21 +114,21 @@ impl Searcher {
     }
 }
 
-/// Settings of a study.
+/// Settings of a study of gaits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct StudySettings {
     /// First seed of the searches and of the evaluations.
     pub first_seed: u64,
-    /// Number of seeds, from 1.
+    /// Number of seeds, at least 1.
     pub seeds: u64,
-    /// Number of evaluations of each search, from 1.
+    /// Number of evaluations of each search, at least 1.
     pub evaluations: usize,
 }
 
-/// One search.
+/// Result of one search.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Trial {
-    /// Method.
+    /// Search method.
     pub searcher: Searcher,
     /// Seed of the search and of its evaluations.
     pub seed: u64,
@@ -149,7 +149,7 @@ impl Trial {
         self.gaits.iter().map(speed).collect()
     }
 
-    /// Returns the distance of each gait from the previous one, in units of the parameter ranges.
+    /// Returns the distance of each gait from the previous gait, in units of the parameter ranges.
     pub fn distances(&self) -> Vec<f64> {
         let distance = |pair: &[([f64; DIMENSIONS], Evaluation)]| {
             let moved = |k: usize| {
@@ -161,7 +161,7 @@ impl Trial {
         self.gaits.windows(2).map(distance).collect()
     }
 
-    /// Returns the fastest gait and its speed \[m/s\], or `None` if every gait failed.
+    /// Returns the fastest gait and its speed \[m/s\]; `None` if every gait failed.
     pub fn fastest(&self) -> Option<([f64; DIMENSIONS], f64)> {
         let finished = self.gaits.iter().filter(|(_, found)| found.reward.is_finite());
         // of equal speeds, the first
@@ -192,14 +192,13 @@ enum Done {
 }
 
 impl Study {
-    /// Runs all searches on several threads. `build` creates the worker of a thread, `evaluate` returns the
-    /// speed of a gait \[m/s\] with the random numbers of a seed, and `observe` is called after each
-    /// evaluation. Each search evaluates one gait at a time. The result does not depend on the number of
-    /// threads.
+    /// Runs all searches on several threads. `build` creates the worker of a thread. `evaluate` returns the
+    /// speed of a gait \[m/s\] with the random numbers of a seed. `observe` is called after each evaluation.
+    /// Each search evaluates one gait at a time. The result does not depend on the number of threads.
     ///
     /// # Errors
     ///
-    /// An error of `build` or `evaluate`.
+    /// Returns the first error of `build` or `evaluate`.
     pub fn run<W, E>(
         settings: &StudySettings,
         threads: usize,
@@ -253,14 +252,14 @@ impl Study {
         self.trials.iter().filter(move |trial| trial.searcher == searcher)
     }
 
-    /// Returns, for each evaluation, its number, the mean over seeds of the best speed so far, and the
-    /// standard error.
+    /// Returns, for each evaluation of a search, its number, the mean over seeds of the best speed so far
+    /// \[m/s\], and the standard error.
     pub fn speeds(&self, searcher: Searcher) -> Vec<[f64; 3]> {
         over_seeds(&self.trials(searcher).map(Trial::best_speeds).collect::<Vec<_>>(), 1)
     }
 
-    /// Returns, for each evaluation, its number, the mean over seeds of its distance from the previous gait,
-    /// and the standard error.
+    /// Returns, for each evaluation of a search, its number, the mean over seeds of the distance from the
+    /// previous gait, and the standard error.
     pub fn distances(&self, searcher: Searcher) -> Vec<[f64; 3]> {
         over_seeds(&self.trials(searcher).map(Trial::distances).collect::<Vec<_>>(), 2)
     }
@@ -270,7 +269,7 @@ impl Study {
         self.trials(searcher).map(|trial| trial.best_speeds().last().copied().unwrap_or(0.0)).collect()
     }
 
-    /// Returns the fraction of failed gaits.
+    /// Returns the fraction of failed gaits, 0 to 1.
     pub fn failures(&self, searcher: Searcher) -> f64 {
         let gaits = || self.trials(searcher).flat_map(|trial| &trial.gaits);
         let failed = gaits().filter(|(_, found)| !found.reward.is_finite()).count();

@@ -8,12 +8,14 @@ use crate::perception::{Coupling, Picture, Training, begun_at_zero, chamfer, eve
 /// Number of samples of each compared curve.
 const COMPARED: usize = 200;
 
-/// Chamfer distances between written and shown curves, one per letter, in letter sizes (the larger side).
+/// Chamfer distances between written and shown curves, one per letter, in units of the letter's size (the
+/// larger side).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CurveErrors {
-    /// Both curves start at the same point, because a picture does not show the position on the paper.
+    /// Distances with both curves starting at the same point, because a picture does not show the position on
+    /// the paper.
     pub begun: Vec<f64>,
-    /// Both curves are centred.
+    /// Distances with both curves centred.
     pub centred: Vec<f64>,
 }
 
@@ -23,7 +25,7 @@ impl CurveErrors {
         self.centred.push(chamfer(&unit_extent(written), shown));
     }
 
-    /// Returns the mean of several results for each letter.
+    /// Returns the mean of several results, separately for each letter.
     pub fn mean(all: &[Self]) -> Self {
         let mean = |pick: fn(&Self) -> &Vec<f64>| {
             let letters = all.first().map_or(0, |errors| pick(errors).len());
@@ -45,19 +47,19 @@ pub struct Letters {
     pictures: Vec<Picture>,
 }
 
-/// A network trained on letters and evaluated on held-out letters.
+/// Result of training a network on letters and evaluating it on held-out letters.
 #[derive(Clone, Debug)]
 pub struct NetworkResult {
-    /// Loss of each epoch: the squared error of position, in letter sizes.
+    /// Loss of each epoch: the squared error of position, in units of the letter's size.
     pub losses: Vec<f64>,
-    /// Curves written for the held-out letters, samples x 2.
+    /// Curves that the network writes for the held-out letters, samples x 2.
     pub written: Vec<DMatrix<f64>>,
     /// Distances between the written and the true curves.
     pub errors: CurveErrors,
 }
 
 impl Letters {
-    /// Creates the letters from recordings with two degrees of freedom.
+    /// Creates the letters from recordings with two degrees of freedom: `seen` for training, `held` held out.
     pub fn new(seen: &Recordings, held: &Recordings) -> Self {
         let curve = |letter: &Trajectory| unit_extent(&letter.resampled(COMPARED));
         let curves = |set: &Recordings| set.trajectories.iter().map(curve).collect::<Vec<_>>();
@@ -67,7 +69,7 @@ impl Letters {
         Self { seen: seen.clone(), known, known_pictures, shown, pictures }
     }
 
-    /// Returns the errors of writing the known letter with the nearest picture.
+    /// Returns the errors of a baseline that writes the training letter with the nearest picture.
     pub fn nearest_picture(&self) -> CurveErrors {
         let mut errors = CurveErrors::default();
         for (picture, shown) in self.pictures.iter().zip(&self.shown) {
@@ -80,11 +82,11 @@ impl Letters {
         errors
     }
 
-    /// Trains a network on the known letters and writes the held-out letters. `progress` is called after
-    /// every epoch.
+    /// Trains a network on the training letters and lets it write the held-out letters. `progress` is called
+    /// after every epoch.
     ///
     /// # Errors
-    /// There are no letters, or they do not have two degrees of freedom.
+    /// [`BuildError`] if there are no letters, or they do not have two degrees of freedom.
     pub fn network(
         &self,
         spring: SampledSpring,

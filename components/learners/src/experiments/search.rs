@@ -7,9 +7,9 @@ use nalgebra::DMatrix;
 
 use crate::search::{Power, PowerSettings, Search as _, Start};
 
-/// Rollouts of a search.
+/// Number of rollouts of a search.
 pub const ROLLOUTS: usize = 300;
-/// Rollouts after which the best reward is reported.
+/// Numbers of rollouts after which the best reward is reported.
 pub const REPORTED: [usize; 7] = [1, 10, 30, 60, 100, 200, 300];
 /// Standard deviation of the initial exploration, in standard deviations of the library's weights.
 const EXPLORATION: f64 = 0.6;
@@ -18,53 +18,53 @@ const SCALES: [f64; 5] = [0.05, 0.15, 0.4, 1.0, 2.0];
 /// Searches for each goal, with different seeds.
 const SEEDS: u64 = 3;
 
-/// A goal of a search: a movement.
+/// A movement that a search is to reproduce.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Goal {
-    /// Forces of the movement, degrees of freedom times forces of the spring.
+    /// Forces of the movement: the forces of each degree of freedom, one after the other.
     pub forces: Vec<f64>,
-    /// Spread of the path, the unit of errors.
+    /// Spread of the path, which is the unit of errors.
     pub spread: f64,
 }
 
 impl Goal {
-    /// Creates the goal of reproducing a recorded movement.
+    /// Creates a goal from a recorded movement.
     pub fn new(trajectory: &Trajectory, spring: &SampledSpring) -> Self {
         let spread = Trajectory::spread(&trajectory.sampled(spring));
         Self { forces: Movement::from_trajectory(trajectory, spring).forces, spread }
     }
 }
 
-/// Initial exploration of kernels. A library provides the variance of each of its weights; kernels get the
-/// same total.
+/// Initial exploration of kernel weights. A library provides the variance of each of its weights; the kernels
+/// get the same total.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum KernelPrior {
-    /// Each kernel has the same share of the squared force of the movements.
+    /// Each kernel contributes equally to the squared force of the movements.
     EqualForce,
-    /// Each kernel has the same share of the squared response of the movements.
+    /// Each kernel contributes equally to the squared response of the movements.
     EqualResponse,
-    /// Each kernel has the variance of its weight in a ridge fit of the library's movements.
+    /// The weight of each kernel has the variance of a ridge fit to the library's movements.
     Fitted,
 }
 
-/// Basis functions of a search, with the exploration variance of each weight.
+/// Basis functions of a search, with the variance with which each weight is explored.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SearchSpace {
-    /// Functions, forces x weights.
+    /// Basis functions, forces x weights.
     pub functions: DMatrix<f64>,
     /// Variance of the initial exploration of each weight.
     pub variance: Vec<f64>,
 }
 
 impl SearchSpace {
-    /// Returns the first `n` eigenforces, explored with the variance of their weights over the library's
-    /// movements.
+    /// Returns a space of the first `n` eigenforces. Their weights are explored with the variance of the
+    /// weights of the library's movements.
     pub fn library(library: &MotionLibrary, n: usize) -> Self {
         Self::library_of(library, n, library.entries().len())
     }
 
-    /// Returns the first `n` eigenforces of a library without weights, such as a library of independently
-    /// moving parts, that represents `movements` movements.
+    /// Returns a space of the first `n` eigenforces of a library without weights, such as a library of
+    /// independently moving parts, that represents `movements` movements.
     pub fn library_of(library: &MotionLibrary, n: usize, movements: usize) -> Self {
         let n = n.min(library.rank());
         let movements = movements.max(1) as f64;
@@ -75,7 +75,7 @@ impl SearchSpace {
         }
     }
 
-    /// Returns `n` radial kernels, shared among all degrees of freedom.
+    /// Returns a space of `n` radial kernels, divided among all degrees of freedom.
     pub fn kernels(library: &MotionLibrary, n: usize, prior: KernelPrior) -> Self {
         let (dofs, spring) = (library.layout().dofs(), library.spring());
         let (each, steps) = ((n / dofs).max(1), spring.forces());
@@ -103,21 +103,21 @@ impl SearchSpace {
         Self { variance, functions }
     }
 
-    /// Returns the weights of the movement under some forces, by ridge regression of its path.
+    /// Returns the weights that approximate the movement under `forces`, by ridge regression of its path.
     pub fn weights_of(&self, forces: &[f64], spring: &SampledSpring) -> Vec<f64> {
         let forces = DMatrix::from_column_slice(forces.len(), 1, forces);
         fit(&self.functions, &forces, spring).as_slice().to_vec()
     }
 
-    /// Scales the standard deviation of the exploration by `factor`.
+    /// Returns the space with the standard deviations of the exploration scaled by `factor`.
     #[must_use]
     pub fn scaled(&self, factor: f64) -> Self {
         let variance = self.variance.iter().map(|variance| factor * factor * variance).collect();
         Self { functions: self.functions.clone(), variance }
     }
 
-    /// Searches for the weights of a goal. Returns the best reward after each number of rollouts in
-    /// [`REPORTED`]. The reward is `exp(-3 e^2)`, where `e` is the position error divided by the spread of
+    /// Searches for the weights that reproduce a goal. Returns the best reward after each number of rollouts
+    /// in [`REPORTED`]. The reward is `exp(-3 e^2)`, where `e` is the position error divided by the spread of
     /// the goal.
     pub fn search(&self, goal: &Goal, spring: &SampledSpring, seed: u64) -> [f64; REPORTED.len()] {
         let deviation = self.variance.iter().map(|variance| variance.max(0.0).sqrt()).collect();
@@ -170,7 +170,7 @@ pub struct Search {
 }
 
 impl Search {
-    /// Searches for every goal with three seeds.
+    /// Runs searches for every goal, with three seeds each.
     pub fn new(space: &SearchSpace, goals: &[Goal], spring: &SampledSpring) -> Self {
         let mut rewards = Vec::new();
         for (k, goal) in goals.iter().enumerate() {
@@ -179,7 +179,7 @@ impl Search {
         Self { rewards }
     }
 
-    /// Searches with five exploration scales and returns the search with the largest mean final reward.
+    /// Runs searches with five exploration scales, and returns the result with the largest mean final reward.
     pub fn best_scale(space: &SearchSpace, goals: &[Goal], spring: &SampledSpring) -> Self {
         let all = SCALES.map(|scale| Self::new(&space.scaled(scale), goals, spring));
         let best = all.into_iter().max_by(|a, b| a.reward().0.total_cmp(&b.reward().0));

@@ -55,11 +55,11 @@ pub(super) fn power_curve<P, E: From<StartError> + From<TellError>>(
 }
 
 /// Runs jobs on several threads and returns their results in the order of the jobs. `build` creates the
-/// worker of a thread, `work` runs a job with it. After a failure no further job starts.
+/// worker of a thread, and `work` runs a job with this worker. After a failure no further job starts.
 ///
 /// # Errors
 ///
-/// An error of `build` or `work`.
+/// Returns the first error of `build` or `work`.
 pub fn run_jobs<J: Sync, W, T: Send, E: Send>(
     threads: usize,
     jobs: &[J],
@@ -93,8 +93,8 @@ pub fn run_jobs<J: Sync, W, T: Send, E: Send>(
     Ok(done.into_iter().map(|(_, result)| result).collect())
 }
 
-/// Returns the number, mean and standard error of every column over rows, one row per seed. Columns are
-/// numbered from `first`.
+/// Returns, for every column, its number, mean and standard error over the rows, with one row per seed.
+/// Columns are numbered from `first`.
 pub fn over_seeds(rows: &[Vec<f64>], first: usize) -> Vec<[f64; 3]> {
     let columns = rows.iter().map(Vec::len).min().unwrap_or(0);
     let column = |k: usize| {
@@ -105,7 +105,7 @@ pub fn over_seeds(rows: &[Vec<f64>], first: usize) -> Vec<[f64; 3]> {
     (0..columns).map(column).collect()
 }
 
-/// Returns the median, or NaN if there are no numbers.
+/// Returns the median of `values`; NaN if there are no values.
 pub fn median(values: &[f64]) -> f64 {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);

@@ -2,7 +2,7 @@
 
 use crate::environment::EnvironmentError;
 
-/// Errors of imitation.
+/// Error of imitation learning.
 #[derive(Debug, thiserror::Error)]
 pub enum ImitationError {
     /// The environment failed.
@@ -16,7 +16,7 @@ pub enum ImitationError {
     NotFinite {
         /// Number of the iteration.
         iteration: u64,
-        /// The loss.
+        /// Value of the loss.
         loss: f64,
     },
 }

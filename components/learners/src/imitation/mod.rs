@@ -40,7 +40,7 @@ use crate::task::{Task, TaskError};
 pub enum Algorithm {
     /// Behaviour cloning: only the expert acts.
     Clone,
-    /// DAgger.
+    /// DAgger: the expert and the learned policy act, and the expert labels all observations.
     Dagger,
 }
 
@@ -48,7 +48,7 @@ impl Algorithm {
     /// All algorithms.
     pub const ALL: [Self; 2] = [Self::Clone, Self::Dagger];
 
-    /// Returns the name on the command line and in policies.
+    /// Returns the name that the command line and policies use.
     pub fn name(self) -> &'static str {
         match self {
             Self::Clone => "clone",
@@ -57,24 +57,24 @@ impl Algorithm {
     }
 }
 
-/// Progress after an iteration.
+/// Progress of a run after an iteration.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Progress {
     /// Number of iterations so far.
     pub iteration: u64,
-    /// Number of labels so far.
+    /// Number of labels (expert actions) so far.
     pub labels: usize,
-    /// Probability that the expert acted; 1 for recordings.
+    /// Probability that the expert acted in the iteration; 1 for recordings.
     pub beta: f64,
     /// Number of episodes that ended in the iteration.
     pub episodes: u64,
-    /// Mean return of these episodes, or `None` if no episode ended.
+    /// Mean return of these episodes; `None` if no episode ended.
     pub mean_return: Option<f64>,
     /// Mean squared action error in the last pass over the labels.
     pub loss: f64,
 }
 
-/// A run of imitation: worlds, expert, network and labels.
+/// A run of imitation learning: worlds, expert, network and labels.
 pub struct Imitation<E> {
     seed: u64,
     worlds: VectorEnvironment<E>,
@@ -86,12 +86,13 @@ pub struct Imitation<E> {
 }
 
 impl<E: Engine + Send> Imitation<E> {
-    /// Creates a run before its first step. `build` creates the simulation of each world. The expert is a
-    /// network for the observations and actions of the task.
+    /// Creates a run before its first iteration. The expert is a network for the observations and actions of
+    /// the task. `build` creates the simulation of each world.
     ///
     /// # Errors
     ///
-    /// [`EnvironmentError`].
+    /// [`EnvironmentError`] if a setting is invalid, the task does not fit the robot, or a simulation cannot
+    /// be built.
     pub fn new(
         task: &Task,
         settings: ImitationSettings,
@@ -103,11 +104,11 @@ impl<E: Engine + Send> Imitation<E> {
         Self::with_experts(task, settings, experts, (seed, threads), build)
     }
 
-    /// Creates a run of behaviour cloning from recorded actions, with one iteration and no expert.
+    /// Creates a run of behaviour cloning from recorded actions, with one iteration and without an expert.
     ///
     /// # Errors
     ///
-    /// [`RecordedError`].
+    /// [`RecordedError`] if a recording does not fit the task, or an environment fails.
     pub fn from_recorded(
         task: &Task,
         settings: ImitationSettings,
@@ -145,8 +146,8 @@ impl<E: Engine + Send> Imitation<E> {
         })
     }
 
-    /// Adds recorded observations and actions. Before the first iteration, they replace its steps: the
-    /// recording contains the expert's actions.
+    /// Adds recorded observations and actions, which contain the actions of an expert. If they are added
+    /// before the first iteration, the recordings replace the steps of this iteration.
     ///
     /// # Errors
     ///
@@ -176,7 +177,7 @@ impl<E: Engine + Send> Imitation<E> {
     ///
     /// # Errors
     ///
-    /// [`ImitationError`].
+    /// [`ImitationError`] if the environment fails or the loss is not finite.
     pub fn advance(&mut self) -> Result<Progress, ImitationError> {
         let ImitationSettings { beta, decay, .. } = *self.settings();
         let beta = beta * decay.powi(i32::try_from(self.regression.fits()).unwrap_or(i32::MAX));
@@ -193,7 +194,7 @@ impl<E: Engine + Send> Imitation<E> {
         Ok(Progress { iteration, labels, beta, episodes, mean_return, loss })
     }
 
-    /// Returns the network for raw observations; the normalisation is merged into its first layer.
+    /// Returns the trained network for raw observations, with the normalisation merged into its first layer.
     pub fn policy(&self) -> TrainedNetwork {
         self.regression.policy()
     }

@@ -28,18 +28,19 @@ const SAMPLES: usize = 301;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Model {
-    /// A discrete dynamic movement primitive, from the start to the mean end.
+    /// A discrete dynamic movement primitive from the start to the mean end of the demonstrations.
     Dmp,
-    /// A probabilistic movement primitive, conditioned on the start.
+    /// A probabilistic movement primitive that is conditioned on the start.
     ProMp,
-    /// A motion library with weights linear in the start, to the mean end.
+    /// A motion library with weights that depend linearly on the start, to the mean end of the
+    /// demonstrations.
     Library,
-    /// The first demonstration, regardless of the start.
+    /// A replay of the first demonstration, regardless of the start.
     Replay,
 }
 
 impl Model {
-    /// All models; the last is the baseline.
+    /// All models. The last is the baseline.
     pub const ALL: [Self; 4] = [Self::Dmp, Self::ProMp, Self::Library, Self::Replay];
 
     /// Returns the name in figures.
@@ -53,7 +54,7 @@ impl Model {
     }
 }
 
-/// Errors of a fit or a movement.
+/// Error of fitting or executing a model of a movement.
 #[derive(Debug, thiserror::Error)]
 pub enum MovementError {
     /// A demonstration is too short or not finite.
@@ -71,7 +72,7 @@ pub enum MovementError {
     /// The library cannot be built.
     #[error(transparent)]
     Library(#[from] BuildError),
-    /// A primitive cannot move from a start.
+    /// A primitive cannot start at this position.
     #[error(transparent)]
     RollOut(#[from] RolloutError),
     /// A primitive cannot be written.
@@ -82,7 +83,7 @@ pub enum MovementError {
     File(#[from] FileError),
 }
 
-/// All models of a movement.
+/// All models of one movement.
 #[derive(Clone, Debug)]
 pub struct Movements {
     dmp: PrimitiveFile,
@@ -92,12 +93,12 @@ pub struct Movements {
 }
 
 impl Movements {
-    /// Fits all models to at least two demonstrations of `duration` seconds, each evenly spaced samples x
-    /// dimensions.
+    /// Fits all models to at least two demonstrations of `duration` seconds, each a matrix of evenly spaced
+    /// samples x dimensions.
     ///
     /// # Errors
     ///
-    /// [`MovementError`].
+    /// [`MovementError`] if a demonstration is invalid or a model cannot be fitted.
     pub fn fit(
         names: &[String],
         duration: f64,
@@ -126,11 +127,11 @@ impl Movements {
         })
     }
 
-    /// Returns the movement of a model from a start: evenly spaced samples x dimensions.
+    /// Returns the path of a model from a start: evenly spaced samples x dimensions.
     ///
     /// # Errors
     ///
-    /// [`MovementError::RollOut`].
+    /// [`MovementError::RollOut`] if a primitive cannot start at this position.
     pub fn path(&self, model: Model, start: &[f64]) -> Result<DMatrix<f64>, MovementError> {
         let file = match model {
             Model::Replay => return Ok(self.first.clone()),
@@ -184,12 +185,12 @@ impl Movements {
         }
     }
 
-    /// Writes `dmp.json` and `promp.json`, which `motorium primitive` reads, and `movement.library`, which
-    /// `motorium library` reads.
+    /// Writes the models to a folder: `dmp.json` and `promp.json`, which `motorium primitive` reads, and
+    /// `movement.library`, which `motorium library` reads.
     ///
     /// # Errors
     ///
-    /// [`MovementError`].
+    /// [`MovementError`] if a file cannot be written.
     pub fn write(&self, folder: &Path) -> Result<(), MovementError> {
         self.dmp.write(&folder.join("dmp.json"))?;
         self.promp.write(&folder.join("promp.json"))?;
@@ -197,8 +198,8 @@ impl Movements {
     }
 }
 
-/// Returns the root mean square and the maximum distance between two paths, in their unit. Paths are evenly
-/// spaced samples x dimensions.
+/// Returns the root mean square distance and the maximum distance between two paths, in their unit. Paths are
+/// evenly spaced samples x dimensions.
 pub fn distances(path: &DMatrix<f64>, other: &DMatrix<f64>) -> [f64; 2] {
     let squares = path.row_iter().zip(other.row_iter()).map(|(a, b)| (a - b).norm_squared());
     let (sum, largest) = squares.fold((0.0, 0.0_f64), |(sum, largest), x| (sum + x, largest.max(x)));

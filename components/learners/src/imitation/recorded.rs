@@ -2,18 +2,18 @@
 
 use crate::environment::EnvironmentError;
 
-/// Recorded observations of a task, each with the action taken for it.
+/// Recorded observations of a task, with the action for each observation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recorded {
     /// Lengths of an observation and of an action.
     pub widths: [usize; 2],
-    /// The observations, row by row.
+    /// Observations, stored row by row.
     pub observations: Vec<f32>,
-    /// The actions, row by row.
+    /// Actions, stored row by row.
     pub actions: Vec<f32>,
 }
 
-/// The recording does not fit the task.
+/// Error of a recording that does not fit the task.
 #[derive(Debug, thiserror::Error)]
 pub enum RecordedError {
     /// Observations or actions have the wrong size.
@@ -22,7 +22,7 @@ pub enum RecordedError {
          help: record the task that is learned, with its own policy"
     )]
     Width {
-        /// `observation` or `action`.
+        /// Kind of the row, `observation` or `action`.
         part: &'static str,
         /// Size found.
         found: usize,
@@ -30,19 +30,21 @@ pub enum RecordedError {
         expected: usize,
     },
     /// The numbers of observations and actions differ, or a row is incomplete.
-    #[error("{observations} numbers of recorded observations do not match {actions} of actions")]
+    #[error(
+        "the recorded observations have {observations} numbers and the actions {actions}, which are not equal numbers of complete rows"
+    )]
     Rows {
-        /// Count of numbers in all observations.
+        /// Total count of numbers in the observations.
         observations: usize,
-        /// Count of numbers in all actions.
+        /// Total count of numbers in the actions.
         actions: usize,
     },
     /// A number is not finite.
     #[error("a recorded {part} contains {found}, expected finite numbers")]
     NotFinite {
-        /// `observation` or `action`.
+        /// Kind of the row, `observation` or `action`.
         part: &'static str,
-        /// The number.
+        /// Number found.
         found: f32,
     },
     /// The environment failed.

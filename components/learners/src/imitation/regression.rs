@@ -10,7 +10,8 @@ use crate::learner::{Head, Normaliser, TrainedNetwork, layer_sizes, numbers_sha2
 use crate::random::{Counter, Purpose};
 use crate::task::TaskError;
 
-/// A network, the normalisation of its observations, and all labels so far.
+/// A regression of a network on labelled observations: the network, the normalisation of its observations,
+/// and all labels so far.
 ///
 /// [`Imitation`](super::Imitation) labels observations in the worlds of a task. Programs with other sources
 /// of labels, such as sessions of a graph, use the regression directly.
@@ -45,8 +46,8 @@ pub struct Regression {
 }
 
 impl Regression {
-    /// Creates a network with random weights and `inputs` inputs. Outputs that are not `active` do not affect
-    /// the loss.
+    /// Creates a network with random weights and `inputs` inputs. `active` contains one flag per output;
+    /// outputs that are not active do not affect the loss.
     ///
     /// # Errors
     ///
@@ -89,7 +90,7 @@ impl Regression {
         self.labels.len() / self.active.len()
     }
 
-    /// Adds observations, row by row, and their labels, which are the expected outputs.
+    /// Adds observations, row by row, with their labels, which are the desired outputs.
     ///
     /// # Panics
     ///
@@ -110,11 +111,11 @@ impl Regression {
         trace.output().as_slice().to_vec()
     }
 
-    /// Fits the network to all labels. Returns the mean squared error of the last pass.
+    /// Fits the network to all labels. Returns the mean squared error of the last pass over them.
     ///
     /// # Errors
     ///
-    /// [`ImitationError::NotFinite`].
+    /// [`ImitationError::NotFinite`] if the loss is not finite.
     pub fn fit(&mut self) -> Result<f64, ImitationError> {
         self.normaliser.update(&self.observations[self.normalised..]);
         self.normalised = self.observations.len();
@@ -160,7 +161,7 @@ impl Regression {
         Ok(loss)
     }
 
-    /// Returns the network for raw observations; the normalisation is merged into its first layer.
+    /// Returns the trained network for raw observations, with the normalisation merged into its first layer.
     pub fn policy(&self) -> TrainedNetwork {
         let layers = self.network.rows();
         TrainedNetwork { memory: None, layers, head: Head::Linear }.normalised(&self.normaliser)

@@ -15,7 +15,7 @@ use crate::folder::{self, FolderError, PROGRESS, RUN, TASK};
 use crate::task::Task;
 use crate::trained::{self, TrainedPolicyError};
 
-/// Errors of a run.
+/// Error of a run of imitation learning in a folder.
 #[derive(Debug, thiserror::Error)]
 pub enum RunError {
     /// A file cannot be read or written.
@@ -25,14 +25,14 @@ pub enum RunError {
     #[error(transparent)]
     Folder(#[from] FolderError),
     /// The expert does not fit the task.
-    #[error("the expert: {0}")]
+    #[error("invalid expert: {0}")]
     Expert(#[from] TrainedPolicyError),
     /// The algorithm does not support these sources.
     #[error("{} learns from {expected}", algorithm.name())]
     Sources {
-        /// The algorithm.
+        /// Algorithm of the run.
         algorithm: Algorithm,
-        /// Supported sources.
+        /// Description of the supported sources.
         expected: &'static str,
     },
     /// A recording does not fit the task.
@@ -49,25 +49,25 @@ pub enum RunError {
     Training(#[from] ImitationError),
 }
 
-/// Result of a run.
+/// Summary of a run.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Summary {
-    /// Progress of the last iteration.
+    /// Progress of the last iteration; `None` before the first iteration.
     pub last: Option<Progress>,
-    /// SHA-256 of all weights.
+    /// SHA-256 digest of all weights, in hexadecimal.
     pub weights_sha256: String,
 }
 
 /// Sources of the actions to imitate.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Sources<'a> {
-    /// Folder of a policy that acts in simulated worlds.
+    /// Path of the folder with a policy that acts in simulated worlds.
     pub expert: Option<&'a Path>,
-    /// Recorded actions; they replace the first iteration.
+    /// Recorded actions, which replace the steps of the first iteration.
     pub recorded: &'a [Recorded],
 }
 
-/// A run of imitation in a folder.
+/// A run of imitation learning in a folder.
 pub struct Run {
     folder: PathBuf,
     algorithm: Algorithm,
@@ -82,11 +82,11 @@ pub struct Run {
 impl Run {
     /// Starts a run on the task in a file, with the settings in `[algorithms.dagger]`. Behaviour cloning runs
     /// one iteration, with an acting expert or with recorded actions. DAgger requires an expert. `steps`
-    /// overrides the task's number of steps, for all iterations together.
+    /// overrides the total number of steps of all iterations.
     ///
     /// # Errors
     ///
-    /// [`RunError`].
+    /// [`RunError`] if the task, the expert or a recording is invalid, or the folder cannot be used.
     pub fn create(
         (file, sources): (&Path, Sources<'_>),
         folder: &Path,
@@ -146,11 +146,12 @@ impl Run {
         &self.warnings
     }
 
-    /// Runs one iteration and writes the policy. Returns `None` once all iterations are complete.
+    /// Runs one iteration and writes the policy to the folder. Returns `None` once all iterations are
+    /// complete.
     ///
     /// # Errors
     ///
-    /// [`RunError`].
+    /// [`RunError`] if training fails or the policy cannot be written.
     pub fn advance(&mut self) -> Result<Option<Progress>, RunError> {
         if self.imitation.is_finished() {
             return Ok(None);

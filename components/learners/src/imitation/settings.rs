@@ -8,25 +8,25 @@ use crate::task::TaskError;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ImitationSettings {
-    /// Number of iterations, from 1. Default 10. Behaviour cloning runs 1.
+    /// Number of iterations, at least 1. Default 10. Behaviour cloning runs a single iteration.
     pub iterations: u64,
-    /// Total steps of all worlds in an iteration, from 1. Default 2000.
+    /// Total steps of all worlds in an iteration, at least 1. Default 2000.
     pub steps: u64,
-    /// Number of worlds, from 1. Default 8.
+    /// Number of worlds, at least 1. Default 8.
     pub worlds: usize,
     /// Probability that the expert acts in the first iteration, 0 to 1. Default 1.
     pub beta: f64,
-    /// Factor applied to that probability after each iteration, 0 to 1. Default 0.5 (Ross and others).
+    /// Factor applied to the probability `beta` after each iteration, 0 to 1. Default 0.5 (Ross and others).
     pub decay: f64,
-    /// Passes over all labels after an iteration, from 1. Default 50.
+    /// Number of passes over all labels after an iteration, at least 1. Default 50.
     pub epochs: usize,
-    /// Labels per minibatch, from 1. Default 128.
+    /// Number of labels per minibatch, at least 1. Default 128.
     pub minibatch: usize,
-    /// Learning rate of Adam, above 0. Default 1e-3.
+    /// Learning rate of Adam, more than 0. Default 1e-3.
     pub rate: f64,
-    /// Lowers the learning rate linearly to 0 over the passes of an iteration. Default false.
+    /// `true` lowers the learning rate linearly to 0 over the passes of an iteration. Default false.
     pub anneal: bool,
-    /// Hidden units per layer; an empty list for a linear policy. Default 64 and 64.
+    /// Number of hidden units of each layer; an empty list means a linear policy. Default 64 and 64.
     pub hidden: Vec<usize>,
 }
 
@@ -48,7 +48,7 @@ impl Default for ImitationSettings {
 }
 
 impl ImitationSettings {
-    /// Reads the table of a task. Missing keys have their defaults.
+    /// Reads the settings from the table `algorithms` of a task. Missing keys have their defaults.
     ///
     /// # Errors
     ///
@@ -73,7 +73,7 @@ impl ImitationSettings {
     ///
     /// # Errors
     ///
-    /// [`TaskError::Value`].
+    /// [`TaskError::Value`] with the key of the first invalid setting.
     pub fn check(&self) -> Result<(), TaskError> {
         let value = |key: &str, found: f64, expected: &str| TaskError::Value {
             key: format!("algorithms.dagger.{key}"),

@@ -4,7 +4,7 @@ use core::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
-/// An algorithm that trains a policy.
+/// An algorithm of reinforcement learning.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Algorithm {
@@ -24,7 +24,7 @@ pub enum Algorithm {
     Dqn,
 }
 
-/// The name of the algorithm is unknown.
+/// Error of an unknown algorithm name.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("algorithm \"{found}\", expected {}", Algorithm::ALL.map(Algorithm::name).join(", "))]
 pub struct UnknownAlgorithm {
@@ -37,7 +37,7 @@ impl Algorithm {
     pub const ALL: [Self; 7] =
         [Self::Ppo, Self::A2c, Self::Reinforce, Self::Sac, Self::Td3, Self::Ddpg, Self::Dqn];
 
-    /// Returns the name of the algorithm, and of its table in a task.
+    /// Returns the name of the algorithm, which is also the name of its table in a task.
     pub fn name(self) -> &'static str {
         match self {
             Self::Ppo => "ppo",

@@ -9,23 +9,23 @@ use serde::de::DeserializeOwned;
 use super::Algorithm;
 use crate::environment::{EnvironmentError, Progress, VectorEnvironment};
 
-/// The checkpoint does not fit the run.
+/// Error of a checkpoint that does not fit the run.
 #[derive(Debug, thiserror::Error)]
 pub enum CheckpointError {
     /// The file is not a safetensors file.
     #[error(transparent)]
     Format(#[from] SafetensorsError),
-    /// A part is missing or has the wrong size.
+    /// An entry is missing or has the wrong size.
     #[error("{what}: {found}, expected {expected}; help: resume with the task and the settings of the run")]
     Mismatch {
-        /// Part of the checkpoint.
+        /// Name of the entry.
         what: String,
-        /// State found.
+        /// Description of the state found.
         found: String,
-        /// State expected.
+        /// Description of the expected state.
         expected: String,
     },
-    /// The worlds cannot be replayed.
+    /// The worlds cannot be restored by replaying their episodes.
     #[error(transparent)]
     Environment(#[from] EnvironmentError),
 }
@@ -48,16 +48,16 @@ impl CheckpointWriter {
         Self(file)
     }
 
-    /// Adds numbers.
+    /// Adds an array of numbers.
     pub fn numbers(&mut self, name: impl Into<String>, values: Vec<f32>) {
         self.0.tensors.insert(name.into(), Tensor { shape: vec![values.len()], values });
     }
 
-    /// Adds the state of an optimiser with named slices of parameters.
+    /// Adds the state of an optimiser for parameters in named slices.
     ///
     /// # Errors
     ///
-    /// [`CheckpointError`].
+    /// [`CheckpointError`] if a value does not serialise.
     pub fn optimiser(&mut self, name: &str, slices: &[&str], adam: &Adam) -> Result<(), CheckpointError> {
         let [first, second] = adam.moments();
         for (slice, (first, second)) in slices.iter().zip(first.iter().zip(second)) {
@@ -71,7 +71,7 @@ impl CheckpointWriter {
     ///
     /// # Errors
     ///
-    /// [`CheckpointError`].
+    /// [`CheckpointError`] if a value does not serialise.
     pub fn worlds<E: Engine + Send>(&mut self, worlds: &VectorEnvironment<E>) -> Result<(), CheckpointError> {
         let mut episodes = Vec::new();
         for (world, Progress { number, level, actions }) in worlds.progress().into_iter().enumerate() {
@@ -85,7 +85,7 @@ impl CheckpointWriter {
     ///
     /// # Errors
     ///
-    /// [`CheckpointError`].
+    /// [`CheckpointError`] if the value does not serialise.
     pub fn value(&mut self, name: &str, value: &impl Serialize) -> Result<(), CheckpointError> {
         let json = serde_json::to_string(value)
             .map_err(|error| CheckpointError::mismatch(name, error.to_string(), "numbers"))?;
@@ -93,26 +93,26 @@ impl CheckpointWriter {
         Ok(())
     }
 
-    /// Returns the bytes of the file.
+    /// Returns the bytes of the checkpoint file.
     ///
     /// # Errors
     ///
-    /// [`CheckpointError`].
+    /// [`CheckpointError`] if the content does not form a safetensors file.
     pub fn finish(&self) -> Result<Vec<u8>, CheckpointError> {
         Ok(safetensors::write(&self.0)?)
     }
 }
 
-/// A checkpoint to restore from.
+/// A checkpoint from which a run is restored.
 #[derive(Debug)]
 pub struct CheckpointReader(Tensors);
 
 impl CheckpointReader {
-    /// Reads a checkpoint of an algorithm.
+    /// Reads a checkpoint of an algorithm from the bytes of its file.
     ///
     /// # Errors
     ///
-    /// [`CheckpointError`].
+    /// [`CheckpointError`] if the file is invalid or belongs to another algorithm.
     pub fn new(bytes: &[u8], algorithm: Algorithm) -> Result<Self, CheckpointError> {
         let file = safetensors::read(bytes)?;
         let found = file.metadata.get("algorithm").map_or("", String::as_str);
@@ -123,21 +123,21 @@ impl CheckpointReader {
         Ok(Self(file))
     }
 
-    /// Removes and returns numbers of any length.
+    /// Removes an array of any length and returns it.
     ///
     /// # Errors
     ///
-    /// [`CheckpointError`].
+    /// [`CheckpointError`] if the array is missing.
     pub fn any_numbers(&mut self, name: &str) -> Result<Vec<f32>, CheckpointError> {
         let found = self.0.tensors.remove(name).map(|tensor| tensor.values);
         found.ok_or_else(|| CheckpointError::mismatch(name, "missing", "a tensor"))
     }
 
-    /// Removes and returns numbers of a given length.
+    /// Removes an array of a given length and returns it.
     ///
     /// # Errors
     ///
-    /// [`CheckpointError`].
+    /// [`CheckpointError`] if the array is missing or has another length.
     pub fn numbers(&mut self, name: &str, length: usize) -> Result<Vec<f32>, CheckpointError> {
         let values = self.any_numbers(name)?;
         if values.len() != length {
@@ -147,21 +147,22 @@ impl CheckpointReader {
         Ok(values)
     }
 
-    /// Replaces the parameters of a network.
+    /// Replaces the parameters of `network` by the parameters in the checkpoint.
     ///
     /// # Errors
     ///
-    /// [`CheckpointError`].
+    /// [`CheckpointError`] if they are missing or their number differs.
     pub fn network(&mut self, name: &str, network: &mut Perceptron) -> Result<(), CheckpointError> {
         network.set(&self.numbers(name, network.parameters())?);
         Ok(())
     }
 
-    /// Removes and returns the state of an optimiser with named slices of given lengths.
+    /// Removes the state of an optimiser and returns it. `slices` contains the name and length of each slice
+    /// of parameters.
     ///
     /// # Errors
     ///
-    /// [`CheckpointError`].
+    /// [`CheckpointError`] if the state is missing or a length differs.
     pub fn optimiser(&mut self, name: &str, slices: &[(&str, usize)]) -> Result<Adam, CheckpointError> {
         let (mut first, mut second) = (vec![], vec![]);
         for (slice, length) in slices {
@@ -172,11 +173,11 @@ impl CheckpointReader {
         adam.ok_or_else(|| CheckpointError::mismatch(name, "a negative count", "steps"))
     }
 
-    /// Replays the running episodes of all worlds of a run with a seed.
+    /// Restores all worlds of a run with a seed by replaying their running episodes.
     ///
     /// # Errors
     ///
-    /// [`CheckpointError`].
+    /// [`CheckpointError`] if an episode is missing or cannot be replayed.
     pub fn worlds<E: Engine + Send>(
         &mut self,
         seed: u64,
@@ -195,11 +196,11 @@ impl CheckpointReader {
         Ok(worlds.resume(seed, &progress)?)
     }
 
-    /// Reads a value.
+    /// Reads a value stored as JSON.
     ///
     /// # Errors
     ///
-    /// [`CheckpointError`].
+    /// [`CheckpointError`] if the value is missing or has another form.
     pub fn value<T: DeserializeOwned>(&self, name: &str) -> Result<T, CheckpointError> {
         let text = self.0.metadata.get(name).map_or("", String::as_str);
         serde_json::from_str(text)

@@ -7,13 +7,13 @@ use std::time::Instant;
 pub enum Phase {
     /// Physics, observations, rewards and resets of all worlds.
     Environment,
-    /// Actions and values of the rollout: passes through the networks.
+    /// Computing actions and values in rollouts: passes through the networks.
     Policy,
-    /// Statistics of observations and returns, advantages, and samples of the replay buffer.
+    /// Computing statistics of observations and returns, advantages, and samples of the replay buffer.
     Statistics,
-    /// Gradients of all losses.
+    /// Computing gradients of all losses.
     Gradient,
-    /// Gradient clipping, Adam, and target networks.
+    /// Gradient clipping, Adam, and updates of target networks.
     Optimiser,
     /// Writing progress, checkpoints and policies.
     Files,
@@ -37,19 +37,19 @@ impl Phase {
     }
 }
 
-/// Time of the calling thread in each phase, including waiting for other threads.
+/// Time that the calling thread spent in each phase, including the time spent waiting for other threads.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Costs {
     seconds: [f64; Phase::ALL.len()],
 }
 
 impl Costs {
-    /// Returns the time of a phase \[s\].
+    /// Returns the time spent in a phase \[s\].
     pub fn seconds(&self, phase: Phase) -> f64 {
         self.seconds[phase as usize]
     }
 
-    /// Returns the total time of all phases \[s\].
+    /// Returns the total time spent in all phases \[s\].
     pub fn total(&self) -> f64 {
         self.seconds.iter().sum()
     }
@@ -60,7 +60,7 @@ impl Costs {
     }
 }
 
-/// A stopwatch that splits the time of a run into phases. It reads the clock a few times per step of all
+/// A stopwatch that assigns the time of a run to phases. It reads the clock a few times per step of all
 /// worlds and per gradient, and does not affect results.
 #[derive(Clone, Copy, Debug)]
 pub struct Stopwatch {
@@ -69,24 +69,24 @@ pub struct Stopwatch {
 }
 
 impl Stopwatch {
-    /// Starts the first lap.
+    /// Creates a stopwatch and starts the first lap.
     pub fn start() -> Self {
         Self { last: Instant::now(), costs: Costs::default() }
     }
 
-    /// Starts the next lap. The time since the last lap is not assigned to a phase.
+    /// Starts the next lap. The time since the last lap is not assigned to any phase.
     pub fn skip(&mut self) {
         self.last = Instant::now();
     }
 
-    /// Assigns the current lap to a phase and starts the next lap.
+    /// Assigns the time of the current lap to a phase and starts the next lap.
     pub fn lap(&mut self, phase: Phase) {
         let now = Instant::now();
         self.costs.add(phase, (now - self.last).as_secs_f64());
         self.last = now;
     }
 
-    /// Returns the time of all laps.
+    /// Returns the accumulated time of all laps, by phase.
     pub fn costs(&self) -> Costs {
         self.costs
     }

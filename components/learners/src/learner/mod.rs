@@ -29,7 +29,7 @@ pub(crate) use settings::{Check, read_settings, settings_table};
 
 use crate::environment::EnvironmentError;
 
-/// Errors of training.
+/// Error of training.
 #[derive(Debug, thiserror::Error)]
 pub enum LearnerError {
     /// The environment failed.
@@ -43,9 +43,9 @@ pub enum LearnerError {
     NotFinite {
         /// Number of the update.
         update: u64,
-        /// Term of the loss.
+        /// Name of the term.
         term: &'static str,
-        /// Its value.
+        /// Value of the term.
         value: f64,
     },
 }
@@ -57,13 +57,14 @@ pub struct Progress {
     pub update: u64,
     /// Total steps of all worlds so far.
     pub steps: u64,
-    /// Number of finished episodes.
+    /// Number of finished episodes so far.
     pub episodes: u64,
-    /// Mean return of the last 100 episodes, or `None` before the first episode ends.
+    /// Mean return of the last 100 episodes; `None` before the first episode ends.
     pub mean_return: Option<f64>,
-    /// Mean length of the last 100 episodes \[steps\].
+    /// Mean length of the last 100 episodes \[steps\]; `None` before the first episode ends.
     pub mean_length: Option<f64>,
-    /// Values in the order of [`Learner::measures`], averaged over the update; NaN before the first gradient.
+    /// Measured values in the order of [`Learner::measures`], averaged over the update; NaN before the first
+    /// gradient.
     pub values: Vec<f64>,
 }
 
@@ -72,13 +73,13 @@ pub trait Learner {
     /// Returns the algorithm.
     fn algorithm(&self) -> Algorithm;
 
-    /// Returns the names of the values measured in an update, such as `policy_loss`.
+    /// Returns the names of the values that are measured in each update, such as `policy_loss`.
     fn measures(&self) -> &'static [&'static str];
 
     /// Returns the total steps of all worlds so far.
     fn steps(&self) -> u64;
 
-    /// Returns the total steps of all worlds in the whole run.
+    /// Returns the total steps of all worlds in the complete run.
     fn total_steps(&self) -> u64;
 
     /// Returns the number of updates so far.
@@ -87,34 +88,34 @@ pub trait Learner {
     /// Returns the number of updates between two checkpoints.
     fn checkpoint_interval(&self) -> u64;
 
-    /// Returns `true` once all steps are done.
+    /// Returns `true` once all steps have been performed.
     fn is_finished(&self) -> bool {
         self.steps() >= self.total_steps()
     }
 
-    /// Steps all worlds and updates the networks.
+    /// Performs an update: steps all worlds and trains the networks.
     ///
     /// # Errors
     ///
-    /// [`LearnerError`]; [`LearnerError::NotFinite`] names the term of the loss.
+    /// [`LearnerError`] if the environment fails or a term of the loss is not finite.
     fn advance(&mut self) -> Result<Progress, LearnerError>;
 
-    /// Returns the time of all updates per phase, without [`Phase::Files`].
+    /// Returns the time of all updates by phase, except [`Phase::Files`].
     fn costs(&self) -> Costs;
 
     /// Returns the bytes of a checkpoint. Worlds are stored as the actions of their running episodes.
     ///
     /// # Errors
     ///
-    /// [`CheckpointError::Format`].
+    /// [`CheckpointError::Format`] if the content does not form a safetensors file.
     fn checkpoint(&self) -> Result<Vec<u8>, CheckpointError>;
 
-    /// Restores a checkpoint of a run with the same task and settings: the run then continues bit for bit.
+    /// Restores a checkpoint of a run with the same task and settings. The run then continues bit for bit.
     /// After an error the learner is unusable.
     ///
     /// # Errors
     ///
-    /// [`CheckpointError`].
+    /// [`CheckpointError`] if the checkpoint is invalid or does not fit the run.
     fn restore(&mut self, bytes: &[u8]) -> Result<(), CheckpointError>;
 
     /// Returns the policy without exploration, for raw observations.

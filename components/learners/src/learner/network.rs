@@ -5,33 +5,34 @@ use motorium_models::onnx::{self, GruLayer};
 
 use super::Normaliser;
 
-/// The last part of a policy's network, from the outputs of its layers to an action.
+/// Final mapping of a policy's network from the outputs of its layers to an action.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Head {
-    /// The outputs are the action.
+    /// The outputs of the layers are the action.
     Linear,
     /// The action is `offset + scale tanh(output)`.
     Squashed {
-        /// Half the range of each number of the action.
+        /// Half of the range of each element of the action.
         scale: Vec<f32>,
-        /// Middle of the range of each number.
+        /// Middle of the range of each element of the action.
         offset: Vec<f32>,
     },
-    /// The action is the table row of the largest output.
+    /// The action is the row of `table` that corresponds to the largest output.
     Choice {
         /// Actions, one row per output.
         table: Vec<f32>,
     },
 }
 
-/// A policy without exploration: optional recurrent units, layers with `tanh` between them, and a [`Head`].
+/// A trained policy without exploration: optional recurrent units, layers with `tanh` between them, and a
+/// [`Head`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct TrainedNetwork {
     /// Gated recurrent units before the layers.
     pub memory: Option<GruLayer>,
-    /// Weights (outputs x inputs, row by row) and bias of each layer.
+    /// Weights (outputs x inputs, row by row) and biases of each layer.
     pub layers: Vec<(Vec<f32>, Vec<f32>)>,
-    /// Maps the outputs of the last layer to an action.
+    /// Mapping of the outputs of the last layer to an action.
     pub head: Head,
 }
 
@@ -50,7 +51,7 @@ impl TrainedNetwork {
         self
     }
 
-    /// Returns the bytes of an ONNX file for `policy.network`.
+    /// Returns the bytes of an ONNX file with this network, for `policy.network`.
     ///
     /// # Panics
     ///

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Mean and variance of all vectors so far, accumulated in double precision in order of arrival.
+/// Running mean and variance of vectors, accumulated in double precision in order of arrival.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Normaliser {
     count: f64,
@@ -15,12 +15,13 @@ pub struct Normaliser {
 const LEAST: f64 = 1e-8;
 
 impl Normaliser {
-    /// Creates a normaliser with mean 0 and variance 1 until the first vector.
+    /// Creates a normaliser for vectors of `width` numbers. Mean 0 and variance 1 apply until the first
+    /// vector arrives.
     pub fn new(width: usize) -> Self {
         Self { count: 0.0, mean: vec![0.0; width], squares: vec![0.0; width] }
     }
 
-    /// Adds rows of vectors (Welford 1962).
+    /// Adds vectors, stored row by row (Welford 1962).
     pub fn update(&mut self, rows: &[f32]) {
         for row in rows.chunks_exact(self.mean.len()) {
             self.count += 1.0;
@@ -32,7 +33,7 @@ impl Normaliser {
         }
     }
 
-    /// Returns the means.
+    /// Returns the mean of each entry.
     pub fn mean(&self) -> &[f64] {
         &self.mean
     }
@@ -42,7 +43,7 @@ impl Normaliser {
         if self.count < 2.0 { 1.0 } else { (self.squares[index] / self.count + LEAST).sqrt() }
     }
 
-    /// Writes `(x - mean) / deviation` for rows of vectors.
+    /// Writes `(x - mean) / deviation` for vectors stored row by row.
     pub fn apply(&self, rows: &[f32], out: &mut [f32]) {
         let width = self.mean.len();
         let factors: Vec<(f64, f64)> = (0..width).map(|k| (self.mean[k], 1.0 / self.deviation(k))).collect();
@@ -53,8 +54,8 @@ impl Normaliser {
         }
     }
 
-    /// Merges the normalisation into the first layer of a network. `weights` (outputs x inputs) are stored
-    /// row by row.
+    /// Merges the normalisation into the first layer of a network, with `weights` (outputs x inputs, row by
+    /// row) and `bias`.
     pub fn fold(&self, weights: &mut [f32], bias: &mut [f32]) {
         for (row, bias) in weights.chunks_exact_mut(self.mean.len()).zip(bias) {
             let mut shift = 0.0;

@@ -13,9 +13,9 @@
 pub struct LinearSchedule {
     /// Value before the first step.
     pub start: f64,
-    /// Value after the fraction of steps.
+    /// Value after the fraction `share` of all steps.
     pub end: f64,
-    /// Fraction of all steps, above 0, at most 1.
+    /// Fraction of all steps over which the value changes, more than 0, at most 1.
     pub share: f64,
 }
 

@@ -16,17 +16,18 @@ use motorium_library::{
 /// Training settings of a coupling.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Training {
-    /// Number of weights of the library. Default 16.
+    /// Number of eigenforces of the library, which is the number of weights predicted. Default 16.
     pub eigenforces: usize,
-    /// Number of epochs: passes over all letters, each with new random variations. Default 220.
+    /// Number of epochs. An epoch is a pass over all letters, each with new random variations. Default 220.
     pub epochs: usize,
-    /// Number of letters in a batch. Default 8.
+    /// Number of letters per batch. Default 8.
     pub batch: usize,
-    /// Initial learning rate; it falls to 0 along a cosine. Default 1.5e-3.
+    /// Initial learning rate, which decreases to 0 along a cosine. Default 1.5e-3.
     pub rate: f32,
     /// Weight decay of the parameters of the network. Default 1e-5.
     pub decay: f32,
-    /// Size of the random variations of letters, in rad and as a fraction. Default 0.08.
+    /// Size of the random variations of letters: rotations in rad, deformations as a fraction of the size.
+    /// Default 0.08.
     pub augmentation: f64,
     /// Seed of the network's initial weights, and of the order and variations of the letters. Default 1.
     pub seed: u64,
@@ -46,7 +47,7 @@ impl Default for Training {
     }
 }
 
-/// A network that maps pictures of letters to movements, with the library of these movements.
+/// A network that maps pictures of letters to movements, with the motion library of these movements.
 ///
 /// ```
 /// use motorium_learners::perception::{Coupling, Picture, Training, unit_extent};
@@ -76,11 +77,11 @@ pub struct Coupling {
 }
 
 impl Coupling {
-    /// Trains a coupling on letters. `progress` receives the epoch (from 1) and its mean loss: the squared
-    /// error of position in letter sizes.
+    /// Trains a coupling on letters. `progress` receives the epoch (from 1) and its mean loss, which is the
+    /// squared error of position in units of the letter's size.
     ///
     /// # Errors
-    /// There are no letters, or letters do not have two degrees of freedom.
+    /// [`BuildError`] if there are no letters, or letters do not have two degrees of freedom.
     pub fn train(
         letters: &Recordings,
         spring: SampledSpring,
@@ -140,8 +141,7 @@ impl Coupling {
         Ok(Self { network, library, mean, scale, pen_speed: pen_speed(letters) })
     }
 
-    /// Returns the movement that writes the letter in a picture, in a frame of extent 1 and with a duration
-    /// of 1 s.
+    /// Returns the movement that writes the letter in a picture, with an extent of 1 and a duration of 1 s.
     pub fn movement(&self, picture: &Picture) -> Superposition {
         let seen = self.network.forward(&DMatrix::from_column_slice(PIXELS * PIXELS, 1, &picture.0));
         let z = DVector::from_iterator(seen.len(), seen.iter().map(|value| f64::from(*value)));
@@ -152,9 +152,9 @@ impl Coupling {
         Superposition { weights: out.as_slice()[..n].to_vec(), frame }
     }
 
-    /// Returns the movement that writes the letter in a picture at a pen speed, in letter sizes per second,
-    /// which defaults to the speed of the training letters. The picture does not show the speed, so the speed
-    /// is constant along the stroke.
+    /// Returns the movement that writes the letter in a picture at a pen speed, in letter sizes per second.
+    /// The default is the speed of the training letters. The picture does not show the speed, so the speed is
+    /// constant along the stroke.
     pub fn written(&self, picture: &Picture, pen_speed: Option<f64>) -> Superposition {
         let mut movement = self.movement(picture);
         let length = length(&movement.path(&self.library));
@@ -162,7 +162,7 @@ impl Coupling {
         movement
     }
 
-    /// Returns the mean pen speed of the training letters, in letter sizes (the larger side) per second.
+    /// Returns the mean pen speed of the training letters, in letter sizes (larger sides) per second.
     pub fn pen_speed(&self) -> f64 {
         self.pen_speed
     }

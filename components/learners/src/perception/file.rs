@@ -28,18 +28,18 @@ const HEAD: usize = 40;
 /// Largest number of outputs, above the number of weights of any library of letters.
 const MOST_OUTPUTS: u64 = 4096;
 
-/// The file is not a valid coupling.
+/// Error of reading a coupling file.
 #[derive(Debug, thiserror::Error)]
 pub enum CouplingFileError {
-    /// The file system reported an error.
+    /// The operating system reported an error.
     #[error("{}: {source}", path.display())]
     Io {
         /// Path of the file.
         path: PathBuf,
-        /// Error of the system.
+        /// Error of the operating system.
         source: std::io::Error,
     },
-    /// The file has another format.
+    /// The file is not a coupling.
     #[error("{}: not a coupling; train one with `motorium library couple`", path.display())]
     Magic {
         /// Path of the file.
@@ -50,7 +50,7 @@ pub enum CouplingFileError {
     Version {
         /// Path of the file.
         path: PathBuf,
-        /// The version found.
+        /// Version found.
         found: u64,
     },
     /// The file is truncated or was changed after it was written.
@@ -60,17 +60,17 @@ pub enum CouplingFileError {
         path: PathBuf,
     },
     /// The library in the file is invalid.
-    #[error("{}: its library: {source}", path.display())]
+    #[error("{}: invalid library: {source}", path.display())]
     Library {
         /// Path of the file.
         path: PathBuf,
-        /// Error of the library.
+        /// Error of the library's content.
         source: Box<FileError>,
     },
 }
 
 impl Coupling {
-    /// Returns `true` if the file starts like a coupling's.
+    /// Returns `true` if the file begins with the signature of a coupling.
     pub fn is_coupling(path: &Path) -> bool {
         let mut first = [0; 8];
         std::fs::File::open(path)
@@ -78,10 +78,10 @@ impl Coupling {
             .is_ok_and(|()| first == MAGIC)
     }
 
-    /// Writes the coupling to a file, completely or not at all.
+    /// Writes the coupling to a file atomically.
     ///
     /// # Errors
-    /// The file system reports an error.
+    /// Returns the error of the file system.
     pub fn write(&self, path: &Path) -> std::io::Result<()> {
         let mut content = Vec::new();
         let numbers = self.mean.iter().chain(self.scale.iter());
@@ -111,10 +111,10 @@ impl Coupling {
         moved
     }
 
-    /// Reads a file written by [`write`](Self::write).
+    /// Reads a coupling from a file written by [`write`](Self::write).
     ///
     /// # Errors
-    /// The file system reports an error, or the file has another format, is damaged or has another version.
+    /// [`CouplingFileError`] if the file cannot be read, has another format or version, or is damaged.
     pub fn read(path: &Path) -> Result<Self, CouplingFileError> {
         let path_buf = || path.to_path_buf();
         let bytes = motorium_recordings::read_bounded(path, super::LONGEST)

@@ -11,15 +11,15 @@ const EDGE: f64 = 1.177;
 /// Largest side of an input picture, px.
 const LARGEST: usize = 4096;
 
-/// The file is not a picture of a letter.
+/// Error of reading a picture of a letter.
 #[derive(Debug, thiserror::Error)]
 pub enum ImageError {
-    /// The file system reported an error.
+    /// The operating system reported an error.
     #[error("{}: {source}", path.display())]
     Io {
         /// Path of the file.
         path: PathBuf,
-        /// Error of the system.
+        /// Error of the operating system.
         source: std::io::Error,
     },
     /// The file has another format or is inconsistent.
@@ -30,7 +30,7 @@ pub enum ImageError {
         /// Description of the defect.
         problem: String,
     },
-    /// The picture has a single grey level.
+    /// All pixels of the picture are equal.
     #[error("{}: the picture is blank: all pixels are equal", path.display())]
     Blank {
         /// Path of the file.
@@ -39,11 +39,11 @@ pub enum ImageError {
 }
 
 impl Picture {
-    /// Reads a picture of a letter, normalised to the size and position of the training letters. Ink is
-    /// everything that differs from the corners: dark on light or light on dark.
+    /// Reads a picture of a letter and normalises it to the size and position of the training letters. Pixels
+    /// that differ from the corners count as ink, whether dark on light or light on dark.
     ///
     /// # Errors
-    /// The file cannot be read, is not a grey map, or is blank.
+    /// [`ImageError`] if the file cannot be read, is not a grey map, or is blank.
     pub fn read(path: &Path) -> Result<Self, ImageError> {
         let bytes = motorium_recordings::read_bounded(path, super::LONGEST)
             .map_err(|source| ImageError::Io { path: path.to_path_buf(), source })?;

@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, Matrix2, RowVector2};
 use rand_distr::{Distribution as _, StandardNormal};
 use rand_pcg::Pcg64;
 
-/// Returns the path centred on 0, with a larger side of 1.
+/// Returns the path centred at 0 and scaled to a larger side of 1.
 pub fn unit_extent(path: &DMatrix<f64>) -> DMatrix<f64> {
     let bounds = |d: usize| (path.column(d).min(), path.column(d).max());
     let ([x, y], mut out) = ([bounds(0), bounds(1)], path.clone());
@@ -25,7 +25,7 @@ pub fn begun_at_zero(path: &DMatrix<f64>) -> DMatrix<f64> {
     out
 }
 
-/// Resamples the curve at `samples` points, evenly spaced along its length.
+/// Returns the curve resampled at `samples` points that are evenly spaced along its length.
 pub fn even_speed(path: &DMatrix<f64>, samples: usize) -> DMatrix<f64> {
     let mut lengths = vec![0.0];
     for k in 1..path.nrows() {
@@ -72,8 +72,8 @@ pub fn augmented(path: &DMatrix<f64>, amount: f64, random: &mut Pcg64) -> DMatri
     unit_extent(&DMatrix::from_fn(rows.len(), 2, |k, d| rows[k][d]))
 }
 
-/// Returns the symmetric Chamfer distance: the mean distance of the points of each curve from the other
-/// curve, in both directions.
+/// Returns the symmetric Chamfer distance of two curves: the mean distance of the points of each curve from
+/// the other curve, averaged over both directions.
 pub fn chamfer(a: &DMatrix<f64>, b: &DMatrix<f64>) -> f64 {
     let one_way = |a: &DMatrix<f64>, b: &DMatrix<f64>| {
         let nearest = |row: usize| {

@@ -3,10 +3,10 @@
 use motorium_models::networks::IMAGE_SIDE;
 use nalgebra::DMatrix;
 
-/// Pixels per side.
+/// Number of pixels per side of a picture.
 pub const PIXELS: usize = IMAGE_SIDE;
 
-/// A grey picture, row by row from the top, 0 to 1.
+/// A square grey picture: pixels from 0 to 1, row by row from the top.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Picture(pub Vec<f32>);
 
@@ -16,7 +16,7 @@ pub(super) const EXTENT: f64 = 20.0;
 pub(super) const LINE: f64 = 0.7;
 
 impl Picture {
-    /// Draws a path (samples x 2, extent 1, centred on 0) as a soft line.
+    /// Draws a path (samples x 2, extent 1, centred at 0) as a soft line.
     pub fn from_path(path: &DMatrix<f64>) -> Self {
         let mut pixels = vec![0.0_f32; PIXELS * PIXELS];
         let place = |k: usize| {

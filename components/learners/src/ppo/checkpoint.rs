@@ -14,7 +14,7 @@ impl<E: Engine + Send> Ppo<E> {
     ///
     /// # Errors
     ///
-    /// [`CheckpointError::Format`].
+    /// [`CheckpointError::Format`] if the content does not form a safetensors file.
     pub fn checkpoint(&self) -> Result<Vec<u8>, CheckpointError> {
         let mut writer = CheckpointWriter::new(self.variant.algorithm);
         let networks = [self.policy.to_vec(), self.value.to_vec(), self.deviations.clone()];
@@ -32,11 +32,11 @@ impl<E: Engine + Send> Ppo<E> {
         writer.finish()
     }
 
-    /// Restores a checkpoint of a run with the same task and settings: the run then continues bit for bit.
+    /// Restores a checkpoint of a run with the same task and settings. The run then continues bit for bit.
     ///
     /// # Errors
     ///
-    /// [`CheckpointError`]; the run is then unusable.
+    /// [`CheckpointError`] if the checkpoint is invalid or does not fit the run. The run is then unusable.
     pub fn restore(&mut self, bytes: &[u8]) -> Result<(), CheckpointError> {
         let mut reader = CheckpointReader::new(bytes, self.variant.algorithm)?;
         for (name, network) in PARTS.into_iter().zip([&mut self.policy, &mut self.value]) {

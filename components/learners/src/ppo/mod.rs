@@ -92,7 +92,7 @@ struct State {
     episodes: Episodes,
 }
 
-/// A training run: worlds, networks, optimiser and counters. [A2C](crate::a2c) and
+/// A training run of PPO: worlds, networks, optimiser and counters. [A2C](crate::a2c) and
 /// [REINFORCE](crate::reinforce) are variants of it.
 pub struct Ppo<E> {
     settings: PpoSettings,
@@ -119,11 +119,13 @@ pub struct Ppo<E> {
 }
 
 impl<E: Engine + Send> Ppo<E> {
-    /// Creates a run before its first step. `build` creates the simulation of each world.
+    /// Creates a training run before its first step. `run` contains the seed and the number of threads;
+    /// `build` creates the simulation of each world.
     ///
     /// # Errors
     ///
-    /// [`EnvironmentError`].
+    /// [`EnvironmentError`] if a setting is invalid, the task does not fit the robot, or a simulation cannot
+    /// be built.
     pub fn new(
         task: &Task,
         settings: PpoSettings,
@@ -198,8 +200,8 @@ impl<E: Engine + Send> Ppo<E> {
         })
     }
 
-    /// Starts from a trained policy, such as an [imitator](crate::imitation::Imitation). The network expects
-    /// observations that are normalised with `observations`.
+    /// Replaces the initial policy by a trained policy, such as an [imitator](crate::imitation::Imitation).
+    /// The network expects observations that are normalised with `observations`.
     ///
     /// # Panics
     ///
@@ -218,7 +220,7 @@ impl<E: Engine + Send> Ppo<E> {
         }
     }
 
-    /// The settings.
+    /// Returns the settings.
     pub fn settings(&self) -> &PpoSettings {
         &self.settings
     }
@@ -233,16 +235,16 @@ impl<E: Engine + Send> Ppo<E> {
         self.state.updates
     }
 
-    /// Returns `true` once all steps are done.
+    /// Returns `true` once all steps have been performed.
     pub fn is_finished(&self) -> bool {
         self.state.steps >= self.settings.steps
     }
 
-    /// Steps all worlds through a horizon and updates the networks.
+    /// Performs an update: steps all worlds through a horizon and trains the networks.
     ///
     /// # Errors
     ///
-    /// [`LearnerError`].
+    /// [`LearnerError`] if the environment fails or a term of the loss is not finite.
     pub fn advance(&mut self) -> Result<Progress, LearnerError> {
         self.watch.skip();
         self.collect()?;
@@ -259,8 +261,8 @@ impl<E: Engine + Send> Ppo<E> {
         })
     }
 
-    /// Returns the SHA-256 digest of the weights of policy and value and of the standard deviations, in
-    /// hexadecimal.
+    /// Returns the SHA-256 digest of the weights of the policy and value networks and of the standard
+    /// deviations, in hexadecimal.
     pub fn weights_sha256(&self) -> String {
         let weights = [&self.policy.to_vec(), &self.value.to_vec(), &self.deviations];
         numbers_sha256(weights.map(Vec::as_slice))

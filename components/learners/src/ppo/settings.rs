@@ -12,51 +12,51 @@ use crate::task::TaskError;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct PpoSettings {
-    /// Total steps of all worlds, from 1. Default 200,000.
+    /// Total steps of all worlds, at least 1. Default 200,000.
     pub steps: u64,
-    /// Number of worlds, from 1. Default 16.
+    /// Number of worlds, at least 1. Default 16.
     pub worlds: usize,
-    /// Steps of each world between two updates, from 1. Default 128: 2048 steps with 16 worlds.
+    /// Steps of each world between two updates, at least 1. Default 128, which is 2048 steps with 16 worlds.
     pub horizon: usize,
-    /// Number of passes over the steps of an update, from 1. Default 10.
+    /// Number of passes over the steps of an update, at least 1. Default 10.
     pub epochs: usize,
-    /// Steps per minibatch, from 2. Default 256.
+    /// Number of steps per minibatch, at least 2. Default 256.
     pub minibatch: usize,
-    /// Learning rate of Adam, above 0. Default 3e-4.
+    /// Learning rate of Adam, more than 0. Default 3e-4.
     pub rate: f64,
-    /// Lowers the learning rate linearly to 0 over the run. As in CleanRL, an update uses the rate at the
-    /// first step of its horizon; Stable-Baselines3 uses the rate at the last step. Default true.
+    /// `true` lowers the learning rate linearly to 0 over the run. As in CleanRL, an update uses the rate at
+    /// the first step of its horizon; Stable-Baselines3 uses the rate at the last step. Default true.
     pub anneal: bool,
-    /// Target divergence between the policy before and after an update, above 0. The learning rate is divided
-    /// by 1.5 above twice the target and multiplied by 1.5 below half the target (rsl_rl). Replaces `anneal`.
-    /// Default: no adaptation.
+    /// Target divergence between the policy before and after an update, more than 0. The learning rate is
+    /// divided by 1.5 above twice the target and multiplied by 1.5 below half the target (rsl_rl). Replaces
+    /// `anneal`. Default: no adaptation.
     pub target_kl: Option<f64>,
-    /// Discount of a step, above 0, below 1. Default 0.99.
+    /// Discount factor per step, more than 0, less than 1. Default 0.99.
     pub discount: f64,
     /// Decay factor of the generalised advantage estimate, 0 to 1. Default 0.95.
     pub lambda: f64,
-    /// Limit of the change of the probability ratio, above 0. Default 0.2.
+    /// Limit of the change of the probability ratio, more than 0. Default 0.2.
     pub clip: f64,
-    /// Weight of the entropy bonus, from 0. Default 0.
+    /// Weight of the entropy bonus, at least 0. Default 0.
     pub entropy: f64,
-    /// Weight of the squared value error, above 0. Default 0.5.
+    /// Weight of the squared value error, more than 0. Default 0.5.
     pub value: f64,
-    /// Maximum norm of a gradient, above 0. Default 0.5.
+    /// Maximum norm of a gradient, more than 0. Default 0.5.
     pub gradient: f64,
-    /// Hidden units per layer of the policy and value networks. Default 64 and 64.
+    /// Number of hidden units of each layer of the policy and value networks. Default 64 and 64.
     pub hidden: Vec<usize>,
     /// Number of gated recurrent units before the hidden layers, in each of the policy and value networks.
     /// Default 0.
     pub recurrent: usize,
-    /// Consecutive steps through which the gradient of recurrent units is propagated, from 1. Must divide
-    /// `horizon` and be at most `minibatch`. Default 16.
+    /// Number of consecutive steps through which the gradient of recurrent units is propagated, at least 1.
+    /// Must divide `horizon` and must not exceed `minibatch`. Default 16.
     pub sequence: usize,
-    /// Initial standard deviation of the action, above 0. Default 1.
+    /// Initial standard deviation of the action, more than 0. Default 1.
     pub deviation: f64,
-    /// Learns from every step and its mirror image (Mittal and others, ICRA 2024). Requires a task with a
-    /// `symmetry` and no recurrent units. Default false.
+    /// `true` learns from every step and its mirror image (Mittal and others, ICRA 2024). Requires a task
+    /// with a `symmetry` and no recurrent units. Default false.
     pub mirror: bool,
-    /// Updates between two checkpoints, from 1. Default 10.
+    /// Number of updates between two checkpoints, at least 1. Default 10.
     pub checkpoint: u64,
 }
 
@@ -88,7 +88,7 @@ impl Default for PpoSettings {
 }
 
 impl PpoSettings {
-    /// Reads the table of a task. Missing keys have their defaults.
+    /// Reads the settings from the table `algorithms` of a task. Missing keys have their defaults.
     ///
     /// # Errors
     ///
@@ -109,7 +109,7 @@ impl PpoSettings {
     ///
     /// # Errors
     ///
-    /// [`TaskError::Value`].
+    /// [`TaskError::Value`] with the key of the first invalid setting.
     pub fn check(&self) -> Result<(), TaskError> {
         let check = Check(Algorithm::Ppo);
         check.counts([

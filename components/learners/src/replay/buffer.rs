@@ -3,7 +3,7 @@
 use crate::environment::{End, Step};
 use crate::learner::{CheckpointError, CheckpointReader, CheckpointWriter};
 
-/// The latest steps of all worlds. A new row replaces the oldest.
+/// A ring buffer of the latest steps of all worlds. A new row replaces the oldest.
 ///
 /// ```
 /// use motorium_learners::environment::Step;
@@ -36,7 +36,7 @@ pub struct ReplayBuffer {
     next: Vec<f32>,
 }
 
-/// An n-step return: rewards over some steps of an episode, and the factor of the value that follows.
+/// An n-step return: the rewards over some steps of an episode, and the factor of the value that follows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NStep {
     /// Sum of the discounted rewards.
@@ -44,13 +44,13 @@ pub struct NStep {
     /// Factor of the value after the last step: the discount to the power of the number of steps, or 0 if the
     /// episode terminated.
     pub discount: f32,
-    /// Sample of the last step, whose next observation has the value.
+    /// Sample index of the last step, after whose next observation the value applies.
     pub last: usize,
 }
 
 impl ReplayBuffer {
-    /// Creates an empty ring of `capacity` rows, each a step of all worlds, for observations of length
-    /// `inputs` and actions of length `width`.
+    /// Creates an empty buffer of `capacity` rows for observations of length `inputs` and actions of length
+    /// `width`. A row is a step of all worlds.
     ///
     /// # Panics
     ///
@@ -71,13 +71,13 @@ impl ReplayBuffer {
         }
     }
 
-    /// Returns the number of steps in the ring, summed over all worlds.
+    /// Returns the number of stored steps, summed over all worlds.
     pub fn samples(&self) -> usize {
         self.rewards.len()
     }
 
-    /// Adds a step of all worlds: the preceding observations and actions, the results, and each world's next
-    /// observation.
+    /// Adds a step of all worlds: the observations before the step, the actions, the results, and each
+    /// world's next observation.
     ///
     /// # Panics
     ///
@@ -116,13 +116,14 @@ impl ReplayBuffer {
         &self.actions[sample * self.width..][..self.width]
     }
 
-    /// Returns the observation after a step; if the episode ended, its final observation.
+    /// Returns the observation after a step. If the episode ended in this step, this is its final
+    /// observation.
     pub fn next_observation(&self, sample: usize) -> &[f32] {
         &self.next[sample * self.inputs..][..self.inputs]
     }
 
-    /// Returns the return over up to `count` steps from a sample, fewer if the episode or the ring ends
-    /// earlier.
+    /// Returns the return over up to `count` steps from a sample on. It has fewer steps if the episode or the
+    /// stored data end earlier.
     ///
     /// # Panics
     ///

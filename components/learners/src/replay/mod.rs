@@ -32,7 +32,7 @@ use crate::learner::{
 use crate::random::{Counter, Purpose};
 use crate::task::{Task, TaskError, Terms};
 
-/// Samples of a gradient step, one per column.
+/// Samples of a gradient step, with one column per sample.
 #[derive(Clone, Debug)]
 pub struct Batch {
     /// Normalised observations.
@@ -41,7 +41,7 @@ pub struct Batch {
     pub actions: DMatrix<f32>,
     /// Discounted rewards over up to `n_step` steps.
     pub rewards: Vec<f32>,
-    /// Factors of the value of the next observation.
+    /// Factors of the value of the next observation, one per sample.
     pub discounts: Vec<f32>,
     /// Normalised observations after the last of these steps.
     pub next: DMatrix<f32>,
@@ -53,13 +53,14 @@ impl Batch {
         self.rewards.len()
     }
 
-    /// Returns ranges of samples whose gradients are summed separately, independent of the number of threads.
+    /// Returns ranges of samples whose gradients are summed separately. They do not depend on the number of
+    /// threads.
     pub fn chunks(&self) -> Vec<Range<usize>> {
         let count = self.count();
         (0..count).step_by(CHUNK).map(|first| first..count.min(first + CHUNK)).collect()
     }
 
-    /// Returns the targets `reward + discount value` of some samples.
+    /// Returns the targets `reward + discount value` of the samples in `range`.
     pub fn targets(&self, range: &Range<usize>, values: impl IntoIterator<Item = f32>) -> Vec<f32> {
         let samples = self.rewards[range.clone()].iter().zip(&self.discounts[range.clone()]);
         // a terminated episode has no value, whatever the network computes
@@ -75,16 +76,16 @@ pub(crate) fn columns(matrix: &DMatrix<f32>, range: &Range<usize>) -> DMatrix<f3
     matrix.columns(range.start, range.len()).into_owned()
 }
 
-/// Number, threads and settings of a gradient step.
+/// Context of a gradient step: its number, threads and settings.
 #[derive(Clone, Copy, Debug)]
 pub struct Gradient<'a> {
     /// Seed of the run.
     pub seed: u64,
     /// Number of preceding gradient steps.
     pub number: u64,
-    /// Number of the update, for errors.
+    /// Number of the update, for error messages.
     pub update: u64,
-    /// Number of threads; it does not change the result.
+    /// Number of threads, which does not change the result.
     pub threads: usize,
     /// Settings of the run.
     pub settings: &'a ReplaySettings,
@@ -99,26 +100,26 @@ impl Gradient<'_> {
     }
 }
 
-/// Seed and time of an exploration step.
+/// Context of an exploration step: its seed and time.
 #[derive(Clone, Copy, Debug)]
 pub struct Exploration {
     /// Seed of the run.
     pub seed: u64,
     /// Total steps of all worlds before this step.
     pub steps: u64,
-    /// Total steps of all worlds in the whole run.
+    /// Total steps of all worlds in the complete run.
     pub total: u64,
 }
 
 impl Exploration {
-    /// Returns the random numbers of a world.
+    /// Returns a generator of the random numbers of a world.
     pub fn random(&self, world: usize) -> rand_pcg::Pcg64 {
         let counter = Counter { seed: self.seed, world: world as u64, episode: 0, step: self.steps };
         counter.stream(Purpose::Action)
     }
 }
 
-/// The part of an off-policy algorithm that explores and learns.
+/// Exploration and learning rule of an off-policy algorithm.
 pub trait Method {
     /// Returns the algorithm.
     fn algorithm(&self) -> Algorithm;
@@ -126,7 +127,7 @@ pub trait Method {
     /// Returns the names of the values that [`learn`](Self::learn) returns.
     fn measures(&self) -> &'static [&'static str];
 
-    /// Returns the length of an action in the buffer.
+    /// Returns the length of an action as stored in the buffer.
     fn width(&self) -> usize;
 
     /// Writes random actions, one world after the other.
@@ -135,14 +136,14 @@ pub trait Method {
     /// Writes actions with exploration for normalised observations, one world per column.
     fn explore(&self, observations: DMatrix<f32>, exploration: Exploration, out: &mut [f32]);
 
-    /// Maps an action in the buffer to the action of the task.
+    /// Converts an action as stored in the buffer to an action of the task.
     fn command(&self, stored: &[f32], action: &mut [f32]);
 
-    /// Performs a step of all optimisers. `watch` measures gradients and optimisers.
+    /// Performs one step of all optimisers. `watch` measures the time of gradients and optimisers.
     ///
     /// # Errors
     ///
-    /// [`LearnerError::NotFinite`].
+    /// [`LearnerError::NotFinite`] if a term of the loss is not finite.
     fn learn(
         &mut self,
         batch: &Batch,
@@ -153,21 +154,21 @@ pub trait Method {
     /// Returns the policy without exploration, for normalised observations.
     fn policy(&self) -> TrainedNetwork;
 
-    /// Returns all parameters, including the target networks'.
+    /// Returns all parameters, including the parameters of target networks.
     fn parameters(&self) -> Vec<Vec<f32>>;
 
     /// Adds networks and optimisers to a checkpoint.
     ///
     /// # Errors
     ///
-    /// [`CheckpointError`].
+    /// [`CheckpointError`] if a value does not serialise.
     fn write(&self, writer: &mut CheckpointWriter) -> Result<(), CheckpointError>;
 
     /// Restores networks and optimisers.
     ///
     /// # Errors
     ///
-    /// [`CheckpointError`].
+    /// [`CheckpointError`] if a network or optimiser is missing or has another size.
     fn read(&mut self, reader: &mut CheckpointReader) -> Result<(), CheckpointError>;
 }
 
@@ -194,16 +195,17 @@ pub struct OffPolicy<E, M> {
 }
 
 impl<E: Engine + Send, M: Method> OffPolicy<E, M> {
-    /// Creates a run before its first step. `method` creates the learning part for the terms of the task,
-    /// `build` the simulation of each world.
+    /// Creates a training run before its first step. `method` creates the learning rule for the terms of the
+    /// task, `build` the simulation of each world.
     ///
     /// # Errors
     ///
-    /// [`EnvironmentError`].
+    /// [`EnvironmentError`] if a setting is invalid, the task does not fit the robot, or a simulation cannot
+    /// be built.
     ///
     /// # Panics
     ///
-    /// If a count of the settings is 0.
+    /// If a count in the settings is 0.
     pub fn new(
         task: &Task,
         settings: ReplaySettings,

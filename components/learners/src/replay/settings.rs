@@ -5,36 +5,36 @@ use serde::{Deserialize, Serialize};
 use crate::learner::Check;
 use crate::task::TaskError;
 
-/// Settings of steps, replay and networks: keys in the table of an off-policy algorithm. For defaults and
+/// Settings of steps, replay and networks, as keys in the table of an off-policy algorithm. For defaults and
 /// their sources, see the settings of each algorithm.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ReplaySettings {
-    /// Total steps of all worlds, from 1.
+    /// Total steps of all worlds, at least 1.
     pub steps: u64,
-    /// Number of worlds, from 1.
+    /// Number of worlds, at least 1.
     pub worlds: usize,
-    /// Steps of each world per update, from 1. An update is one line of the progress.
+    /// Steps of each world per update, at least 1. An update is one line of the progress.
     pub horizon: usize,
     /// Total steps of all worlds with random actions before the first gradient step.
     pub warmup: u64,
-    /// Gradient steps after each step of all worlds, from 1.
+    /// Number of gradient steps after each step of all worlds, at least 1.
     pub gradients: usize,
-    /// Capacity of the replay buffer in steps, from 1; rounded up to whole steps of all worlds.
+    /// Capacity of the replay buffer in steps, at least 1. Rounded up to whole steps of all worlds.
     pub buffer: usize,
-    /// Samples per minibatch, from 1.
+    /// Number of samples per minibatch, at least 1.
     pub minibatch: usize,
-    /// Number of rewards in a return before the bootstrapped value, from 1.
+    /// Number of rewards in a return before the bootstrapped value, at least 1.
     pub n_step: usize,
-    /// Discount of a step, above 0, below 1.
+    /// Discount factor per step, more than 0, less than 1.
     pub discount: f64,
-    /// Fraction by which the targets move towards their networks after each gradient step, above 0, at most
-    /// 1.
+    /// Fraction by which the target networks move towards their networks after each gradient step, more than
+    /// 0, at most 1.
     pub polyak: f64,
-    /// Learning rate of Adam, above 0.
+    /// Learning rate of Adam, more than 0.
     pub rate: f64,
-    /// Hidden units per layer.
+    /// Number of hidden units of each layer.
     pub hidden: Vec<usize>,
-    /// Updates between two checkpoints, from 1.
+    /// Number of updates between two checkpoints, at least 1.
     pub checkpoint: u64,
 }
 

@@ -44,14 +44,14 @@ use squashed::squash;
 /// per moving joint).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SacSettings {
-    /// Steps, replay and networks. Defaults that differ from the source: 100,000 steps in 4 worlds with 4
-    /// gradient steps after each step of all worlds, 1000 random steps, layers of 64 and 64 units instead of
-    /// 256 and 256, and `tanh` instead of ReLU in the policy.
+    /// Settings of steps, replay and networks. Defaults that differ from the source: 100,000 steps in 4
+    /// worlds with 4 gradient steps after each step of all worlds, 1000 random steps, layers of 64 and 64
+    /// units instead of 256 and 256, and `tanh` instead of ReLU in the policy.
     #[serde(flatten)]
     pub replay: ReplaySettings,
     /// Target entropy per moving joint, for actions between -1 and 1. Default -1.
     pub entropy: f64,
-    /// Initial temperature, above 0. Default 1.
+    /// Initial temperature (weight of the entropy), more than 0. Default 1.
     pub temperature: f64,
 }
 
@@ -84,7 +84,7 @@ impl SacSettings {
     ///
     /// # Errors
     ///
-    /// [`TaskError::Value`].
+    /// [`TaskError::Value`] with the key of the first invalid setting.
     pub fn check(&self) -> Result<(), TaskError> {
         let check = Check(Algorithm::Sac);
         self.replay.check(check)?;
@@ -94,11 +94,13 @@ impl SacSettings {
         check.positive([("temperature", self.temperature)])
     }
 
-    /// Creates a run before its first step. `build` creates the simulation of each world.
+    /// Creates a training run before its first step. `run` contains the seed and the number of threads;
+    /// `build` creates the simulation of each world.
     ///
     /// # Errors
     ///
-    /// [`EnvironmentError`].
+    /// [`EnvironmentError`] if a setting is invalid, the task does not fit the robot, or a simulation cannot
+    /// be built.
     pub fn learner<E: Engine + Send>(
         self,
         task: &Task,
@@ -114,7 +116,7 @@ impl SacSettings {
 /// Values measured in a gradient step.
 pub(crate) const MEASURES: [&str; 5] = ["critic_loss", "policy_loss", "value", "entropy", "temperature"];
 
-/// The learning part of SAC.
+/// The networks and learning rule of SAC.
 #[derive(Clone, Debug)]
 pub struct Sac {
     bounds: Bounds,

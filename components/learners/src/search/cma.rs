@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{Distribution, Generations, Samples, Start, StartError};
 
-/// Restarts of [`CmaEs`] once a run has converged or stalled.
+/// Restart strategy of [`CmaEs`] after a run has converged or stalled.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Restarts {
     /// No restarts: the search stays at its point of convergence.
@@ -25,13 +25,13 @@ pub enum Restarts {
 /// Settings of [`CmaEs`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct CmaEsSettings {
-    /// Number of candidates per generation, from 4. Default `4 + floor(3 ln n)` for `n` parameters.
+    /// Number of candidates per generation, at least 4. Default `4 + floor(3 ln n)` for `n` parameters.
     pub population: Option<usize>,
-    /// Restarts. Default [`Restarts::Bipop`].
+    /// Restart strategy. Default [`Restarts::Bipop`].
     pub restarts: Restarts,
 }
 
-/// A search that adapts the full covariance of its candidates.
+/// A search that adapts the full covariance of its candidates (CMA-ES).
 ///
 /// For the best `mu` of `lambda` candidates `x_i = m + sigma B D z_i`, `y_i = (x_i - m) / sigma`, `y_w = sum
 /// w_i y_i`:
@@ -44,19 +44,19 @@ pub struct CmaEsSettings {
 /// sigma' = sigma exp(c_s / d_s (|p_s| / chi_n - 1))
 /// ```
 ///
-/// `h` is 0 while `p_s` is long, else 1. All constants are Hansen's defaults. The eigenvectors `B` and the
-/// square roots of the eigenvalues `D` are computed every `0.5 / (n (c_1 + c_mu))` generations. A run ends
-/// when the rewards of `10 + ceil(30 n / lambda)` generations differ by less than 1e-12, the deviations are
-/// below 1e-12 or above 1e4 times the initial deviation, the condition number exceeds 1e14, or after `100 +
-/// 50 (n + 3)^2 / sqrt(lambda)` generations. The next run starts at a point sampled from the initial
-/// distribution.
+/// `h` is 0 while `p_s` is long, and 1 otherwise. All constants are Hansen's defaults. The eigenvectors `B`
+/// and the square roots of the eigenvalues `D` are computed every `0.5 / (n (c_1 + c_mu))` generations. A run
+/// ends when one of these conditions is met: the rewards of `10 + ceil(30 n / lambda)` generations differ by
+/// less than 1e-12; the deviations are below 1e-12 or above 1e4 times the initial deviation; the condition
+/// number exceeds 1e14; or `100 + 50 (n + 3)^2 / sqrt(lambda)` generations have passed. The next run starts
+/// at a point sampled from the initial distribution.
 ///
 /// Sources: Hansen, *The CMA evolution strategy: a tutorial*, arXiv:1604.00772, 2016, with positive weights;
 /// the period of the eigendecomposition after Hansen's `purecma`; Hansen, *Benchmarking a BI-population
 /// CMA-ES on the BBOB-2009 function testbed*, GECCO 2009.
 pub type CmaEs = Generations<Covariance>;
 
-/// The distribution of [`CmaEs`].
+/// Search distribution of [`CmaEs`].
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Covariance {
     settings: CmaEsSettings,
@@ -146,7 +146,7 @@ impl CmaEs {
     ///
     /// # Errors
     ///
-    /// [`StartError`].
+    /// [`StartError`] if the start or a setting is invalid.
     pub fn new(start: Start, settings: CmaEsSettings) -> Result<Self, StartError> {
         if let Some(population) = settings.population {
             StartError::check("population", population as f64, population >= 4, "at least 4")?;
@@ -189,8 +189,8 @@ impl Covariance {
         self.run = Run { sigma, budget, ..Run::default() };
     }
 
-    /// Returns the step size. The deviation along a principal axis is the step size times the square root of
-    /// its eigenvalue.
+    /// Returns the step size. The standard deviation along a principal axis is the step size times the square
+    /// root of the axis's eigenvalue.
     pub fn sigma(&self) -> f64 {
         self.sigma
     }

@@ -9,13 +9,13 @@ use super::{Distribution, Generations, Samples, Start, StartError};
 /// Settings of [`CrossEntropy`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CrossEntropySettings {
-    /// Number of candidates per generation, from 1. Default 20.
+    /// Number of candidates per generation, at least 1. Default 20.
     pub population: usize,
-    /// Fraction of a generation, its best candidates, from which the next distribution is estimated. Above 0,
-    /// at most 1; default 0.25.
+    /// Fraction of each generation, its best candidates, from which the next distribution is estimated. More
+    /// than 0, at most 1. Default 0.25.
     pub elite: f64,
-    /// Weight of the elite in the next mean and deviation. Above 0, at most 1; default 0.7. Smaller values
-    /// search longer and are less sensitive to noise.
+    /// Weight of the elite in the next mean and deviation. More than 0, at most 1. Default 0.7. Smaller
+    /// values search longer and are less sensitive to noise.
     pub smoothing: f64,
     /// Minimum deviation, as a fraction of the initial deviation. Default 0.02, so that the search never
     /// stalls.
@@ -46,7 +46,7 @@ impl Default for CrossEntropySettings {
 /// tutorial on the cross-entropy method*, Annals of Operations Research 134, 2005.
 pub type CrossEntropy = Generations<Elite>;
 
-/// The distribution of [`CrossEntropy`].
+/// Search distribution of [`CrossEntropy`].
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Elite {
     settings: CrossEntropySettings,
@@ -62,7 +62,7 @@ impl CrossEntropy {
     ///
     /// # Errors
     ///
-    /// [`StartError`].
+    /// [`StartError`] if the start or a setting is invalid.
     pub fn new(start: Start, settings: CrossEntropySettings) -> Result<Self, StartError> {
         let CrossEntropySettings { population, elite, smoothing, least } = settings;
         let share = |value: f64| value > 0.0 && value <= 1.0;

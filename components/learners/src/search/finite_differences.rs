@@ -8,13 +8,13 @@ use super::{Distribution, Generations, Samples, Start, StartError};
 /// Settings of [`FiniteDifferences`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FiniteDifferencesSettings {
-    /// Half the distance between the candidates of a pair, in initial deviations, above 0. Default 0.1.
+    /// Half the distance between the candidates of a pair, in initial deviations, more than 0. Default 0.1.
     pub step: f64,
     /// Step length of an update, in initial deviations per unit of reward gained by moving one deviation,
-    /// above 0. Default 0.1.
+    /// more than 0. Default 0.1.
     pub rate: f64,
-    /// Maximum length of an update, in initial deviations, above 0. Default 1, so that a steep reward does
-    /// not derail the search.
+    /// Maximum length of an update, in initial deviations, more than 0. It limits the effect of a steep
+    /// reward. Default 1.
     pub longest: f64,
 }
 
@@ -37,7 +37,7 @@ impl Default for FiniteDifferencesSettings {
 /// Source: Spall, *Introduction to stochastic search and optimization*, Wiley 2003, sections 6.3 and 14.4.
 pub type FiniteDifferences = Generations<Differences>;
 
-/// The candidates of [`FiniteDifferences`].
+/// Search distribution of [`FiniteDifferences`].
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Differences {
     settings: FiniteDifferencesSettings,
@@ -49,7 +49,7 @@ impl FiniteDifferences {
     ///
     /// # Errors
     ///
-    /// [`StartError`].
+    /// [`StartError`] if the start or a setting is invalid.
     pub fn new(start: Start, settings: FiniteDifferencesSettings) -> Result<Self, StartError> {
         let FiniteDifferencesSettings { step, rate, longest } = settings;
         for (key, value) in [("step", step), ("rate", rate), ("longest", longest)] {

@@ -8,19 +8,19 @@ use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use super::{Best, Candidate, RestoreError, Saved, Search, Start, StartError, TellError};
 use crate::random::{Counter, Purpose};
 
-/// A generation with all its rewards.
+/// A complete generation: points with their rewards.
 #[derive(Clone, Copy, Debug)]
 pub struct Samples<'a> {
-    /// Points, one after the other.
+    /// Points of the generation, one after the other.
     pub points: &'a [f64],
-    /// Reward of each point; all are finite.
+    /// Reward of each point; all rewards are finite.
     pub rewards: &'a [f64],
     /// Indices of the points, sorted by decreasing reward; equal rewards are sorted by index.
     pub order: &'a [usize],
 }
 
 impl Samples<'_> {
-    /// Returns point `index`.
+    /// Returns the point with this index.
     pub fn point(&self, index: usize) -> &[f64] {
         let dimensions = self.points.len() / self.rewards.len();
         &self.points[index * dimensions..][..dimensions]
@@ -29,7 +29,8 @@ impl Samples<'_> {
 
 /// A distribution over parameters that a search samples and updates.
 ///
-/// Parameters are in units of the start: mean 0, standard deviation 1 in every direction.
+/// Parameters are in units of the start: the initial distribution has mean 0 and standard deviation 1 in
+/// every direction.
 pub trait Distribution: Serialize + DeserializeOwned {
     /// Name of the method in saved states.
     const METHOD: &'static str;
@@ -43,13 +44,13 @@ pub trait Distribution: Serialize + DeserializeOwned {
     /// Returns the number of candidates of the next generation.
     fn population(&self) -> usize;
 
-    /// Writes the point of candidate `index` of a generation.
+    /// Writes the point of candidate `index` of a generation to `point`.
     fn sample(&mut self, index: usize, random: &mut Pcg64, point: &mut [f64]);
 
     /// Updates the distribution from a generation with all its rewards. `random` is used for restarts.
     fn update(&mut self, samples: &Samples<'_>, random: &mut Pcg64);
 
-    /// Writes the mean.
+    /// Writes the mean of the distribution to `mean`.
     fn mean(&self, mean: &mut [f64]);
 }
 
@@ -109,9 +110,9 @@ impl<D: Distribution> Generations<D> {
         })
     }
 
-    /// Allows `count` open generations, from 1, so that no worker waits for the last reward of a generation.
-    /// The default of 1 is the exact method. With a larger count, later generations are sampled from a
-    /// distribution that is `count - 1` updates old.
+    /// Allows `count` generations to be open simultaneously, at least 1, so that no worker waits for the last
+    /// reward of a generation. The default of 1 is the exact method. With a larger count, later generations
+    /// are sampled from a distribution that is `count - 1` updates old.
     #[must_use]
     pub fn with_open_generations(mut self, count: usize) -> Self {
         self.ahead = count.max(1);
@@ -123,7 +124,7 @@ impl<D: Distribution> Generations<D> {
         &self.distribution
     }
 
-    /// Returns the mean of the distribution.
+    /// Returns the mean of the distribution, in units of the parameters.
     pub fn mean(&self) -> Vec<f64> {
         let mut unit = vec![0.0; self.start.dimensions()];
         self.distribution.mean(&mut unit);

@@ -63,7 +63,7 @@ pub use uniform::RandomSearch;
 
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
-/// A candidate of a search.
+/// A candidate that a search proposes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Candidate {
     /// Number of the candidate, counted from 0 in the order of the proposals.
@@ -80,37 +80,39 @@ pub trait Search {
     /// Returns the number of parameters.
     fn dimensions(&self) -> usize;
 
-    /// Proposes up to `count` candidates. Returns fewer, or none, if the method needs rewards of earlier
-    /// candidates first.
+    /// Proposes up to `count` candidates. Returns fewer candidates, or an empty list, if the method first
+    /// needs rewards of earlier candidates.
     fn ask(&mut self, count: usize) -> Vec<Candidate>;
 
-    /// Accepts rewards of candidates, identified by number, in any order. A reward that is not finite counts
-    /// as the worst.
+    /// Accepts rewards of candidates, as pairs of candidate number and reward, in any order. A reward that is
+    /// not finite counts as the worst.
     ///
     /// # Errors
     ///
-    /// [`TellError`]; in that case no reward of the call is accepted.
+    /// [`TellError`] if a candidate is unknown or already has a reward. In this case no reward of the call is
+    /// accepted.
     fn tell(&mut self, rewards: &[(u64, f64)]) -> Result<(), TellError>;
 
     /// Returns the candidates without rewards, for example after an interrupted run.
     fn pending(&self) -> Vec<Candidate>;
 
-    /// Returns the best parameters evaluated so far and their reward, or `None` before the first finite
-    /// reward.
+    /// Returns the best parameters evaluated so far and their reward; `None` before the first finite reward.
     fn best(&self) -> Option<(&[f64], f64)>;
 
-    /// Returns the whole state as JSON.
+    /// Returns the complete state of the search as JSON.
     fn save(&self) -> String;
 
-    /// Restores a saved state of a search of the same kind and size; the search then continues bit for bit.
+    /// Restores a saved state of a search with the same method and number of parameters. The search then
+    /// continues bit for bit.
     ///
     /// # Errors
     ///
-    /// [`RestoreError`]; in that case the search is unchanged.
+    /// [`RestoreError`] if the state is invalid or belongs to another search. In this case the search is
+    /// unchanged.
     fn restore(&mut self, state: &str) -> Result<(), RestoreError>;
 }
 
-/// Errors of [`Search::tell`].
+/// Error of [`Search::tell`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum TellError {
     /// The candidate does not exist, or its generation has ended.
@@ -118,9 +120,9 @@ pub enum TellError {
     Unknown {
         /// Number of the candidate.
         id: u64,
-        /// First candidate without a reward.
+        /// Number of the first candidate without a reward.
         first: u64,
-        /// Last proposed candidate.
+        /// Number of the last proposed candidate.
         last: u64,
     },
     /// The candidate already has a reward.
@@ -131,26 +133,26 @@ pub enum TellError {
     },
 }
 
-/// Errors of [`Search::restore`].
+/// Error of [`Search::restore`].
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum RestoreError {
     /// The text is not a saved state.
     #[error("the state does not parse: {0}")]
     Parse(String),
     /// The state belongs to another method.
-    #[error("found the state of {found}, expected {expected}")]
+    #[error("the state belongs to the method {found}, expected {expected}")]
     Method {
-        /// Method of the state.
+        /// Name of the method in the state.
         found: String,
-        /// Method of the search.
+        /// Name of the search's method.
         expected: String,
     },
     /// The state has a different number of parameters.
-    #[error("found a state of {found} parameters, expected {expected}")]
+    #[error("the state has {found} parameters, expected {expected}")]
     Dimensions {
-        /// Parameters of the state.
+        /// Number of parameters in the state.
         found: usize,
-        /// Parameters of the search.
+        /// Number of parameters of the search.
         expected: usize,
     },
 }

@@ -12,10 +12,10 @@ use super::{Distribution, Generations, Samples, Start, StartError};
 /// Settings of [`SeparableNes`] and [`ExponentialNes`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct NesSettings {
-    /// Number of candidates per generation, from 2. Default `4 + floor(3 ln n)` for `n` parameters.
+    /// Number of candidates per generation, at least 2. Default `4 + floor(3 ln n)` for `n` parameters.
     pub population: Option<usize>,
-    /// Learning rate of the deviations, above 0. Default `(3 + ln n) / (5 sqrt n)` for SNES and
-    /// `(9 + 3 ln n) / (5 n sqrt n)` for xNES, at most 1.
+    /// Learning rate of the deviations, more than 0. Default `(3 + ln n) / (5 sqrt n)` for SNES and `(9 + 3
+    /// ln n) / (5 n sqrt n)` for xNES, at most 1.
     pub rate: Option<f64>,
 }
 
@@ -27,7 +27,7 @@ impl NesSettings {
     }
 }
 
-/// Natural gradient ascent on the mean and one deviation per parameter (SNES).
+/// Natural gradient ascent on the mean and on one standard deviation per parameter (SNES).
 ///
 /// With utilities `u_i` by rank and `s_i = (x_i - mean) / deviation`, element by element:
 ///
@@ -56,7 +56,7 @@ pub type SeparableNes = Generations<NaturalSeparable>;
 /// Source: Wierstra et al. 2014, algorithm 5 and table 1.
 pub type ExponentialNes = Generations<Natural>;
 
-/// The distribution of [`SeparableNes`].
+/// Search distribution of [`SeparableNes`].
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct NaturalSeparable {
     utilities: Vec<f64>,
@@ -65,7 +65,7 @@ pub struct NaturalSeparable {
     deviation: Vec<f64>,
 }
 
-/// The distribution of [`ExponentialNes`].
+/// Search distribution of [`ExponentialNes`].
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Natural {
     utilities: Vec<f64>,
@@ -91,7 +91,7 @@ impl SeparableNes {
     ///
     /// # Errors
     ///
-    /// [`StartError`].
+    /// [`StartError`] if the start or a setting is invalid.
     pub fn new(start: Start, settings: NesSettings) -> Result<Self, StartError> {
         settings.check()?;
         Self::build(start, |start| {
@@ -109,7 +109,7 @@ impl ExponentialNes {
     ///
     /// # Errors
     ///
-    /// [`StartError`].
+    /// [`StartError`] if the start or a setting is invalid.
     pub fn new(start: Start, settings: NesSettings) -> Result<Self, StartError> {
         settings.check()?;
         Self::build(start, |start| {

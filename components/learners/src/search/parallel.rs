@@ -14,7 +14,7 @@ use super::{Candidate, Search, TellError};
 pub enum Outcome {
     /// The evaluation has a reward.
     Finished,
-    /// A condition is not met, such as a minimum height of the base because the robot fell.
+    /// A condition of success is not met. For example, the robot fell below a minimum height of its base.
     Unmet,
     /// The evaluation ended early: a component failed, or the robot was stopped.
     Stopped,
@@ -22,9 +22,9 @@ pub enum Outcome {
     Refused,
     /// The evaluation finished, but its reward has no value.
     NoValue,
-    /// The operator of a robot refused the parameters.
+    /// The operator of the robot refused to run the parameters.
     Skipped,
-    /// The evaluation finished, and the operator of the robot is to enter its reward.
+    /// The evaluation finished, and the operator of the robot has yet to enter its reward.
     Unscored,
 }
 
@@ -40,7 +40,7 @@ impl Outcome {
         Self::Unscored,
     ];
 
-    /// Returns the name in tables and in JSON.
+    /// Returns the name of the outcome in tables and in JSON.
     pub fn name(self) -> &'static str {
         match self {
             Self::Finished => "finished",
@@ -57,13 +57,13 @@ impl Outcome {
 /// Result of evaluating a candidate.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Evaluation {
-    /// Outcome.
+    /// Outcome of the evaluation.
     pub outcome: Outcome,
     /// Reward; NaN (`null` in JSON) unless the outcome is [`Outcome::Finished`]. A search ranks NaN below
     /// every number.
     #[serde(deserialize_with = "number_or_nan")]
     pub reward: f64,
-    /// Reason of a failure.
+    /// Reason of a failed outcome.
     pub reason: Option<String>,
 }
 
@@ -81,26 +81,27 @@ impl Evaluation {
         Self::failed(Outcome::NoValue, format!("the reward is {reward}, expected a finite number"))
     }
 
-    /// Creates a failed evaluation.
+    /// Creates a failed evaluation with an outcome and a reason.
     pub fn failed(outcome: Outcome, reason: impl Into<String>) -> Self {
         Self { outcome, reward: f64::NAN, reason: Some(reason.into()) }
     }
 
-    /// An evaluation whose reward the operator enters.
+    /// Creates an evaluation whose reward the operator has yet to enter.
     pub fn unscored() -> Self {
         Self { outcome: Outcome::Unscored, reward: f64::NAN, reason: None }
     }
 }
 
-/// Threads and limits of [`maximise`].
+/// Number of threads and limits of [`maximise`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Workers {
-    /// Number of threads, from 1. It does not change results.
+    /// Number of threads, at least 1. It does not affect results.
     pub threads: usize,
-    /// Maximum number of candidates without rewards, from 1. A search with a model proposes each candidate
-    /// from the rewards of all but the last `ahead` candidates. `usize::MAX` evaluates whole generations.
+    /// Maximum number of candidates without rewards, at least 1. A search with a model proposes each
+    /// candidate from the rewards of all but the last `ahead` candidates. `usize::MAX` evaluates whole
+    /// generations.
     pub ahead: usize,
-    /// Number of candidates to evaluate.
+    /// Total number of candidates to evaluate.
     pub evaluations: u64,
 }
 
@@ -115,14 +116,14 @@ impl<T> Drop for PanicGuard<'_, T> {
     }
 }
 
-/// Evaluates candidates of a search on several threads until the given number of them have rewards or the
-/// search proposes no more.
+/// Evaluates candidates of a search on several threads. Stops when the given number of candidates have
+/// rewards, or when the search proposes no more candidates.
 ///
 /// `build` creates the worker of a thread, on that thread. `evaluate` evaluates a candidate with the worker,
 /// and `report` is called after a reward has been accepted. Rewards are accepted one at a time, in the order
 /// of the candidates, and new candidates are proposed after each. The search is therefore bit-for-bit
-/// independent of the number of threads, provided that evaluations are. Candidates without rewards at the
-/// start are evaluated first, so a restored search continues where it stopped.
+/// independent of the number of threads if the evaluations are. Candidates without rewards at the start are
+/// evaluated first, so a restored search continues where it stopped.
 ///
 /// ```
 /// use motorium_learners::search::{
@@ -145,7 +146,7 @@ impl<T> Drop for PanicGuard<'_, T> {
 ///
 /// # Errors
 ///
-/// The first error of `build`, `evaluate` or `report`. The search is left in the state after the last
+/// Returns the first error of `build`, `evaluate` or `report`. The search keeps its state after the last
 /// accepted reward.
 ///
 /// # Panics

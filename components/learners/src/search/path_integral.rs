@@ -9,11 +9,11 @@ use super::{Distribution, Generations, Samples, Start, StartError};
 /// Settings of [`PathIntegral`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PathIntegralSettings {
-    /// Number of candidates per generation, from 2. Default 10.
+    /// Number of candidates per generation, at least 2. Default 10.
     pub population: usize,
-    /// Sharpness `h` of the softmax over the rewards, above 0. Default 10.
+    /// Sharpness `h` of the softmax over the rewards, more than 0. Default 10.
     pub sharpness: f64,
-    /// Factor applied to the deviation after every update, above 0, at most 1. Default 0.95.
+    /// Factor applied to the deviation after every update, more than 0, at most 1. Default 0.95.
     pub decay: f64,
 }
 
@@ -35,7 +35,7 @@ impl Default for PathIntegralSettings {
 /// Paladyn Journal of Behavioral Robotics 4, 2013; the defaults of `dmpbbo`.
 pub type PathIntegral = Generations<SoftmaxMean>;
 
-/// The distribution of [`PathIntegral`].
+/// Search distribution of [`PathIntegral`].
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct SoftmaxMean {
     settings: PathIntegralSettings,
@@ -48,7 +48,7 @@ impl PathIntegral {
     ///
     /// # Errors
     ///
-    /// [`StartError`].
+    /// [`StartError`] if the start or a setting is invalid.
     pub fn new(start: Start, settings: PathIntegralSettings) -> Result<Self, StartError> {
         let PathIntegralSettings { population, sharpness, decay } = settings;
         StartError::check("population", population as f64, population >= 2, "at least 2")?;

@@ -9,9 +9,9 @@ use super::{Distribution, Generations, Samples, Start, StartError};
 /// Settings of [`Power`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PowerSettings {
-    /// Rollouts between two updates, from 1. Default 1.
+    /// Number of rollouts between two updates, at least 1. Default 1.
     pub population: usize,
-    /// Number of rollouts in an update: the best so far, from 1. Default 10.
+    /// Number of rollouts, the best so far, from which an update is computed, at least 1. Default 10.
     pub best: usize,
     /// Minimum and maximum factor on the initial variance of the exploration. Default 0.1 and 10.
     pub variance: [f64; 2],
@@ -23,7 +23,7 @@ impl Default for PowerSettings {
     }
 }
 
-/// A search for the parameters `theta` with the largest reward, one rollout at a time.
+/// A search for the parameters `theta` with the largest reward, one rollout at a time (PoWER).
 ///
 /// Each rollout explores with `theta + eps`, `eps ~ N(0, Sigma)`, `Sigma` diagonal; the first rollout is the
 /// start. The best rollouts so far are kept (importance sampling). With their rewards `R_j > 0` and `eps_j =
@@ -34,7 +34,7 @@ impl Default for PowerSettings {
 /// Sigma' = diag(sum_j R_j eps_j^2 / sum_j R_j), within bounds
 /// ```
 ///
-/// Rewards must be positive; others count as 0. For weights of a motion library, `k^2 s_i^2 / N` (the
+/// Rewards must be positive; other rewards count as 0. For weights of a motion library, `k^2 s_i^2 / N` (the
 /// variance of the weights in the library, `k` about 0.6) is the natural initial exploration, because it is
 /// large where movements differ.
 ///
@@ -42,7 +42,7 @@ impl Default for PowerSettings {
 /// episodic form; the update of the variance after their appendix.
 pub type Power = Generations<Weighted>;
 
-/// The distribution of [`Power`].
+/// Search distribution of [`Power`].
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Weighted {
     settings: PowerSettings,
@@ -63,7 +63,7 @@ impl Power {
     ///
     /// # Errors
     ///
-    /// [`StartError`].
+    /// [`StartError`] if the start or a setting is invalid.
     pub fn new(start: Start, settings: PowerSettings) -> Result<Self, StartError> {
         let PowerSettings { population, best, variance: [low, high] } = settings;
         StartError::check("population", population as f64, population > 0, "at least 1")?;

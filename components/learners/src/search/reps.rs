@@ -11,14 +11,14 @@ use super::{Distribution, Generations, Samples, Start, StartError};
 /// Settings of [`Reps`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RepsSettings {
-    /// Number of candidates per generation, from 2. Default `10 + 4 n` for `n` parameters: the covariance has
-    /// `n (n + 1) / 2` entries.
+    /// Number of candidates per generation, at least 2. Default `10 + 4 n` for `n` parameters, because the
+    /// covariance has `n (n + 1) / 2` entries.
     pub population: Option<usize>,
-    /// Limit of the relative entropy of the reweighted candidates, above 0, below `ln population`. Default
-    /// 0.5.
+    /// Limit of the relative entropy of the reweighted candidates, more than 0, less than `ln population`.
+    /// Default 0.5.
     pub epsilon: f64,
-    /// Fraction of the covariance that an update keeps, from 0 to below 1. Default 0.5, because a covariance
-    /// estimated from few candidates is uncertain.
+    /// Fraction of the previous covariance that an update keeps, at least 0, less than 1. Default 0.5,
+    /// because a covariance estimated from few candidates is uncertain.
     pub kept: f64,
 }
 
@@ -28,7 +28,7 @@ impl Default for RepsSettings {
     }
 }
 
-/// A search that maximises the expected reward with a limited loss of information.
+/// A search that maximises the expected reward with a limited loss of information (REPS).
 ///
 /// Each update reweights the candidates by `w_i ~ exp((R_i - max R) / eta)`, where `eta` minimises the dual
 ///
@@ -48,7 +48,7 @@ impl Default for RepsSettings {
 /// 2, 2013, section 2.4.3.
 pub type Reps = Generations<RelativeEntropy>;
 
-/// The distribution of [`Reps`].
+/// Search distribution of [`Reps`].
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct RelativeEntropy {
     settings: RepsSettings,
@@ -64,7 +64,7 @@ impl Reps {
     ///
     /// # Errors
     ///
-    /// [`StartError`].
+    /// [`StartError`] if the start or a setting is invalid.
     pub fn new(start: Start, settings: RepsSettings) -> Result<Self, StartError> {
         let population = settings.population.unwrap_or(10 + 4 * start.dimensions());
         StartError::check("population", population as f64, population >= 2, "at least 2")?;

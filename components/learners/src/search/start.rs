@@ -2,28 +2,29 @@
 
 use serde::{Deserialize, Serialize};
 
-/// The start of a search: initial mean, initial exploration, and bounds.
+/// Start of a search: initial mean, initial exploration, and bounds.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Start {
     /// Initial mean, one number per parameter.
     pub mean: Vec<f64>,
-    /// Initial standard deviation of each parameter, from 0. A parameter with deviation 0 keeps its value.
+    /// Initial standard deviation of each parameter, at least 0. A parameter with deviation 0 keeps its
+    /// value.
     pub deviation: Vec<f64>,
-    /// Lower and upper bound of each parameter; `None` for an unbounded search.
+    /// Lower and upper bound of each parameter; `None` means unbounded.
     pub bounds: Option<Vec<[f64; 2]>>,
     /// Seed of the random numbers.
     pub seed: u64,
 }
 
-/// The start or a setting of a search is invalid.
+/// Error of an invalid start or setting of a search.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum StartError {
     /// The number of entries differs from the number of parameters.
     #[error("found {found} {what}, expected {expected}, one for each parameter")]
     Count {
-        /// Counted entries.
+        /// Name of the counted entries.
         what: &'static str,
-        /// Number of entries.
+        /// Number of entries found.
         found: usize,
         /// Number of parameters.
         expected: usize,
@@ -40,7 +41,7 @@ pub enum StartError {
         index: usize,
         /// Value found.
         found: f64,
-        /// Values allowed.
+        /// Description of the valid range.
         expected: &'static str,
     },
     /// A setting of the method is out of range.
@@ -50,7 +51,7 @@ pub enum StartError {
         key: &'static str,
         /// Value found.
         found: f64,
-        /// Values allowed.
+        /// Description of the valid range.
         expected: &'static str,
     },
 }
@@ -68,12 +69,12 @@ impl StartError {
 }
 
 impl Start {
-    /// Creates an unbounded start.
+    /// Creates a start without bounds.
     pub fn new(mean: Vec<f64>, deviation: Vec<f64>, seed: u64) -> Self {
         Self { mean, deviation, bounds: None, seed }
     }
 
-    /// Returns the same start within bounds.
+    /// Returns the same start with bounds, one pair per parameter.
     #[must_use]
     pub fn within(mut self, bounds: Vec<[f64; 2]>) -> Self {
         self.bounds = Some(bounds);

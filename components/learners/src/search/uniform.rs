@@ -11,7 +11,8 @@ use crate::random::{Counter, Purpose};
 /// Name of the method in saved states.
 const METHOD: &str = "random";
 
-/// Independent candidates, uniformly distributed within bounds: the baseline of every other method.
+/// A search with independent candidates that are uniformly distributed within bounds. It is the baseline of
+/// every other method.
 ///
 /// Source: Bergstra, Bengio, *Random search for hyper-parameter optimization*, JMLR 13, 2012.
 ///
@@ -42,11 +43,11 @@ pub struct RandomSearch {
 }
 
 impl RandomSearch {
-    /// Creates a search within finite bounds, one pair per parameter.
+    /// Creates a search within finite bounds, with one pair of bounds per parameter.
     ///
     /// # Errors
     ///
-    /// [`StartError`] if bounds are missing or out of order.
+    /// [`StartError`] if bounds are missing, not finite or out of order.
     pub fn new(bounds: Vec<[f64; 2]>, seed: u64) -> Result<Self, StartError> {
         check_bounds(&bounds)?;
         Ok(Self { bounds, seed, asked: 0, pending: BTreeMap::new(), best: Best::default() })

@@ -4,7 +4,7 @@ use motorium_models::policy::Policy;
 
 use super::{CHOICES, Task, TaskError};
 
-/// The actions among which a discrete policy chooses, one row each.
+/// Actions among which a discrete policy chooses, with one row per action.
 ///
 /// ```
 /// use motorium_learners::task::Task;
@@ -39,18 +39,19 @@ pub struct Choices {
 }
 
 impl Task {
-    /// The actions of a discrete task: the rows of `action.choices`. `None` if its actions are continuous.
+    /// Returns the actions of a discrete task, which are the rows of `action.choices`; `None` if the task's
+    /// actions are continuous.
     ///
     /// # Errors
     ///
-    /// [`TaskError`] where the rows are not different actions within the bounds.
+    /// [`TaskError`] if the rows are not distinct actions within the bounds.
     pub fn choices(&self) -> Result<Option<Choices>, TaskError> {
         self.action.get(CHOICES).map(|rows| Choices::read(rows, &self.policy()?)).transpose()
     }
 }
 
 impl Choices {
-    /// Largest number of rows.
+    /// Maximum number of rows.
     pub const MOST: usize = 256;
 
     /// Reads the rows of a task with a policy.
@@ -108,26 +109,26 @@ impl Choices {
         Self { rows, width: self.width }
     }
 
-    /// Number of rows.
+    /// Returns the number of rows.
     pub fn count(&self) -> usize {
         self.rows.len() / self.width
     }
 
-    /// Numbers of an action.
+    /// Returns the number of values of an action.
     pub fn width(&self) -> usize {
         self.width
     }
 
-    /// The action of a choice.
+    /// Returns the action of a choice.
     ///
     /// # Panics
     ///
-    /// If there are fewer rows.
+    /// If `choice` is out of range.
     pub fn row(&self, choice: usize) -> &[f32] {
         &self.rows[choice * self.width..][..self.width]
     }
 
-    /// All rows, one after the other.
+    /// Returns all rows, one after the other.
     pub fn rows(&self) -> &[f32] {
         &self.rows
     }

@@ -6,40 +6,41 @@ use serde::Deserialize;
 use super::TaskError;
 use crate::random::{Counter, Purpose};
 
-/// Ranges of the desired velocity of a base, or of the position of a target. Commands are sampled uniformly
+/// Ranges of the commanded velocity of a base, or of the position of a target. Commands are sampled uniformly
 /// at the start of an episode and after every interval.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CommandRanges {
-    /// Velocity forwards \[m/s\]. Default: 0.
+    /// Range of the velocity forwards \[m/s\]. Default: 0.
     #[serde(default)]
     pub forward: [f64; 2],
-    /// Velocity to the left \[m/s\]. Default: 0.
+    /// Range of the velocity to the left \[m/s\]. Default: 0.
     #[serde(default)]
     pub left: [f64; 2],
-    /// Yaw rate to the left \[rad/s\]. Default: 0.
+    /// Range of the yaw rate, positive to the left \[rad/s\]. Default: 0.
     #[serde(default)]
     pub turn: [f64; 2],
-    /// Position of the target: ranges of x, y and z in the world \[m\]. Default: the task commands velocities
-    /// instead of a target.
+    /// Ranges of x, y and z of the target in the world \[m\]. Default: the task commands velocities instead
+    /// of a target.
     pub target: Option<[[f64; 2]; 3]>,
-    /// Duration of a command \[s\], above 0. Default: 5.
+    /// Time between two commands \[s\], more than 0. Default: 5.
     #[serde(default = "five")]
     pub interval: f64,
-    /// Probability of a command to stand still, 0 to 1; only for velocities. Default: 0.
+    /// Probability of a command to stand still, 0 to 1. Only for velocities. Default: 0.
     #[serde(default)]
     pub standing: f64,
-    /// Growth of the ranges in training. Default: the full ranges from the start.
+    /// Growth of the ranges during training. Default: the full ranges from the start.
     pub curriculum: Option<Curriculum>,
 }
 
-/// Ranges that grow linearly during a training run: around 0 for velocities, around the middle for a target.
+/// Linear growth of the ranges during a training run: around 0 for velocities, around the middle for a
+/// target.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Curriculum {
     /// Factor of the ranges at the start, 0 to 1.
     pub start: f64,
-    /// Total steps of all worlds after which the ranges are full, from 1.
+    /// Total steps of all worlds after which the ranges have their full size, at least 1.
     pub steps: u64,
 }
 

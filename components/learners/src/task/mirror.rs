@@ -5,17 +5,17 @@ use serde::Deserialize;
 
 use super::TaskError;
 
-/// Symmetry of robot and task between left and right: the plane of x and z of the base.
+/// Left-right symmetry of the robot and the task, about the plane of x and z of the base.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Symmetry {
-    /// Joints that correspond to each other. Other joints correspond to themselves.
+    /// Pairs of joints that mirror each other. Other joints mirror themselves.
     pub pairs: Vec<[String; 2]>,
-    /// Joints whose positions change sign; both joints of a pair are listed.
+    /// Joints whose positions change sign when mirrored. Both joints of a pair must be listed.
     pub reversed: Vec<String>,
 }
 
-/// Mirrors observations and actions of a task.
+/// Mirrors the observations and actions of a task.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mirror {
     observation: Vec<(usize, f32)>,

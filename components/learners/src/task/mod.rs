@@ -63,69 +63,69 @@ pub use robot::{digest_joints, robot_difference, robot_digest};
 pub use terms::{Outcome, RobotState, Terms};
 pub use trial::{End, Step, Trial};
 
-/// File of the network in a policy folder.
+/// Name of the network's file in a policy folder.
 pub const NETWORK: &str = "policy.onnx";
 
 /// Key of the rows of a discrete action.
 pub(crate) const CHOICES: &str = "choices";
 
-/// A learning task.
+/// Content of a task file, which describes a learning task.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Task {
     /// One-line description of the task.
     pub title: String,
-    /// The robot: a name of the catalogue, or a URDF or MJCF file relative to the task.
+    /// Robot: a name of the catalogue, or the path of a URDF or MJCF file relative to the task.
     pub robot: String,
-    /// Physics step \[s\], above 0.
+    /// Duration of a physics step \[s\], more than 0.
     pub step: f64,
-    /// Physics steps per policy step, from 1.
+    /// Number of physics steps per policy step, at least 1.
     pub decimation: usize,
-    /// Longest episode \[s\]. An episode that reaches it is truncated, not terminated.
+    /// Maximum duration of an episode \[s\]. An episode that reaches it is truncated, not terminated.
     pub duration: f64,
-    /// Gravity, ground and objects around the robot, as in a graph; files are relative to the task. Default:
+    /// Gravity, ground and objects around the robot, as in a graph. Paths are relative to the task. Default:
     /// Earth's gravity and no ground.
     #[serde(default)]
     pub world: World,
-    /// Start of an episode.
+    /// State at the start of an episode.
     pub start: StartState,
-    /// Observation terms, as in `policy.toml`.
+    /// Observation terms, in the format of `policy.toml`.
     pub observations: Vec<toml::Value>,
-    /// Action, as in `policy.toml`, and the [`choices`](Self::choices) of a discrete one.
+    /// Action, in the format of `policy.toml`, with the [`choices`](Self::choices) of a discrete action.
     pub action: toml::Table,
-    /// Pattern generator commanded by the action, as in `policy.toml`. Default: the action commands the
-    /// joints.
+    /// Pattern generator commanded by the action, in the format of `policy.toml`. Default: the action
+    /// commands the joints.
     pub pattern: Option<Pattern>,
-    /// Terms of the reward, which is their sum.
+    /// Terms of the reward, which are added.
     pub rewards: Vec<Reward>,
     /// Conditions that end an episode.
     #[serde(default)]
     pub terminations: Vec<Termination>,
-    /// Desired velocities of the base, or positions of a target. Default: the task has no commands.
+    /// Commanded velocities of the base, or positions of a target. Default: the task has no commands.
     pub command: Option<CommandRanges>,
-    /// Pushes on the base in training. Default: none.
+    /// Pushes on the base during training. Default: no pushes.
     pub pushes: Option<Pushes>,
-    /// Noise of the measurements that the policy observes in training. Default: none.
+    /// Noise of the measurements that the policy observes during training. Default: no noise.
     pub noise: Option<MeasurementNoise>,
-    /// Minimum and maximum number of physics steps before an action takes effect, below `decimation`; sampled
-    /// for each episode. Default: 0.
+    /// Minimum and maximum number of physics steps before an action takes effect, less than `decimation`. The
+    /// number is sampled for each episode. Default: 0.
     #[serde(default)]
     pub delay: [usize; 2],
-    /// Limits position actions as a command gate does: to the range of the joint, and to its velocity limit.
-    /// Default: false.
+    /// `true` limits position actions like a command gate: to the range of the joint, and to its velocity
+    /// limit. Default: false.
     #[serde(default)]
     pub within_limits: bool,
     /// Ranges of physical properties and start states, sampled at the start of every episode, as in a graph.
     #[serde(default)]
     pub randomise: RandomiseConfig,
-    /// Symmetry between left and right, for learners that mirror their steps. Default: none.
+    /// Left-right symmetry, for learners that mirror their steps. Default: no symmetry.
     pub symmetry: Option<Symmetry>,
-    /// Settings of learners for this task, by the name of the algorithm.
+    /// Settings of learning algorithms for this task, by the name of the algorithm.
     #[serde(default)]
     pub algorithms: toml::Table,
 }
 
-/// Start of an episode, before its randomisation.
+/// State at the start of an episode, before its randomisation.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StartState {
@@ -136,13 +136,13 @@ pub struct StartState {
     /// Maximum deviation of each velocity from the start, uniformly distributed \[rad/s or m/s\]. Default: 0.
     #[serde(default)]
     pub velocity_spread: f64,
-    /// Physics steps without commands before the first observation. In a graph it is 1: the first state is
-    /// published after the first step, before a command can arrive. Default: 0.
+    /// Number of physics steps without commands before the first observation. In a graph it is 1: the first
+    /// state is published after the first step, before a command can arrive. Default: 0.
     #[serde(default)]
     pub free_steps: usize,
 }
 
-/// A task is invalid.
+/// Error of an invalid task.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum TaskError {
     /// The file does not parse.
@@ -151,14 +151,14 @@ pub enum TaskError {
     /// A value is out of range.
     #[error("`{key}`: found {found}, expected {expected}")]
     Value {
-        /// The key.
+        /// Key of the value.
         key: String,
         /// Value found.
         found: String,
-        /// Values allowed.
+        /// Description of the valid range.
         expected: String,
     },
-    /// A reward can be infinite.
+    /// A reward term can be infinite.
     #[error(
         "`rewards[{index}]`: the term lies between {low} and {high}, expected a finite range\n\
          help: add `clip = [LOW, HIGH]` or `shape = \"kernel\"` with a `width`"
@@ -166,18 +166,18 @@ pub enum TaskError {
     Unbounded {
         /// Index of the reward.
         index: usize,
-        /// Lower bound.
+        /// Lower bound of the term.
         low: f64,
-        /// Upper bound.
+        /// Upper bound of the term.
         high: f64,
     },
     /// The observations or the action are invalid.
     #[error(transparent)]
     Policy(#[from] PolicyError),
-    /// The robot has no wheels for a base twist.
+    /// The robot has no wheels that a base twist could command.
     #[error("`robot`: {}{}", .0, .0.help().map_or_else(String::new, |help| format!("\nhelp: {help}")))]
     Wheels(#[from] RobotWheelsError),
-    /// A range cannot be sampled.
+    /// A range of `randomise` cannot be sampled.
     #[error("`randomise.{}`: {}", .0.key, .0.message)]
     Range(RangeError),
 }
@@ -193,11 +193,11 @@ impl TaskError {
 }
 
 impl Task {
-    /// Reads the text of a task file.
+    /// Parses the text of a task file.
     ///
     /// # Errors
     ///
-    /// [`TaskError`] with the key and the value expected.
+    /// [`TaskError`] with the key of an invalid value and the value expected.
     pub fn parse(text: &str) -> Result<Self, TaskError> {
         let task: Self = toml::from_str(text).map_err(|error| TaskError::Parse(error.to_string()))?;
         for (key, value) in [("step", task.step), ("duration", task.duration)] {
@@ -251,7 +251,7 @@ impl Task {
         1.0 / (self.step * self.decimation as f64)
     }
 
-    /// Returns the number of policy steps in the longest episode.
+    /// Returns the maximum number of policy steps of an episode.
     pub fn steps(&self) -> usize {
         (self.duration * self.rate()).round() as usize
     }
@@ -260,7 +260,7 @@ impl Task {
     ///
     /// # Errors
     ///
-    /// [`TaskError::Parse`] if the terms do not serialise.
+    /// [`TaskError::Parse`] if a term does not serialise.
     pub fn policy_text(&self, robot: Option<RobotDigest>) -> Result<String, TaskError> {
         let mut table = toml::Table::new();
         table.insert("network".into(), NETWORK.into());
@@ -283,16 +283,16 @@ impl Task {
         toml::to_string(&table).map_err(|error| TaskError::Parse(error.to_string()))
     }
 
-    /// Returns the observations and the action of the task.
+    /// Returns the observations and the action of the task as a policy.
     ///
     /// # Errors
     ///
-    /// [`TaskError`].
+    /// [`TaskError`] if an observation or the action is invalid.
     pub fn policy(&self) -> Result<Policy, TaskError> {
         Ok(Policy::parse(&self.policy_text(None)?)?)
     }
 
-    /// Lowest and highest reward of a step.
+    /// Returns the lowest and highest possible reward of a step.
     ///
     /// # Errors
     ///

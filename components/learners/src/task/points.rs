@@ -98,7 +98,7 @@ impl Points {
         }))
     }
 
-    /// Returns the objects whose positions and velocities [`locate`](Self::locate) needs.
+    /// Returns the names of the objects whose motion [`locate`](Self::locate) requires.
     pub fn objects(&self) -> &[String] {
         &self.objects
     }
@@ -108,15 +108,15 @@ impl Points {
         self.points.contains(&Point::Target)
     }
 
-    /// Returns the number of joints that [`locate`](Self::locate) needs: all joints of the robot if a link is
-    /// one of the points, otherwise 0.
+    /// Returns the number of joints that [`locate`](Self::locate) requires: all joints of the robot if a link
+    /// is one of the points, otherwise 0.
     pub fn joints(&self) -> usize {
         let has_links = self.points.iter().any(|point| matches!(point, Point::Link(_)));
         if has_links { self.robot.joint_count() } else { 0 }
     }
 
-    /// Locates links by the positions and velocities of the robot's joints \[rad or m\], and objects by the
-    /// motion of each of [`objects`](Self::objects).
+    /// Locates links from the positions \[rad or m\] and velocities \[rad/s or m/s\] of the robot's joints,
+    /// and objects from the motion of each of [`objects`](Self::objects).
     ///
     /// # Panics
     ///
@@ -138,7 +138,7 @@ impl Points {
         }
     }
 
-    /// Sets the position of the target, which is at rest \[m\].
+    /// Sets the position of the target \[m\], which is assumed to be at rest.
     pub fn set_target(&mut self, position: [f64; 3]) {
         for (motion, point) in self.motions.iter_mut().zip(&self.points) {
             if *point == Point::Target {
@@ -147,7 +147,8 @@ impl Points {
         }
     }
 
-    /// Returns the position or velocity of each observed term, in the order of the observations.
+    /// Returns the position \[m\] or velocity \[m/s\] of each observed term, in the order of the
+    /// observations.
     pub fn observed(&mut self) -> &[[f64; 3]] {
         for (index, (term, pair)) in self.observed.iter().enumerate() {
             let PointMotion { position, velocity } = self.motion(*pair);

@@ -6,17 +6,17 @@ use serde::Deserialize;
 use super::TaskError;
 use crate::random::{Counter, Purpose};
 
-/// Pushes on the base of a floating robot in training. Each interval has one push: its start, its force and
-/// its direction are uniformly distributed.
+/// Pushes on the base of a floating robot during training. Each interval has one push, whose start, force and
+/// direction are uniformly distributed.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Pushes {
-    /// Maximum horizontal force \[N\], above 0.
+    /// Maximum horizontal force \[N\], more than 0.
     pub force: f64,
-    /// Duration of a push \[s\], above 0. Default: 0.1.
+    /// Duration of a push \[s\], more than 0. Default: 0.1.
     #[serde(default = "tenth")]
     pub duration: f64,
-    /// Length of the intervals with one push each \[s\], at least `duration`. Default: 5.
+    /// Length of each interval \[s\], at least `duration`. Default: 5.
     #[serde(default = "five")]
     pub interval: f64,
 }

@@ -6,11 +6,11 @@ use serde::Deserialize;
 
 use super::TaskError;
 
-/// A quantity of the state after a step.
+/// A quantity of the state after a step, for rewards and terminations.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Quantity {
-    /// 1 in every step.
+    /// The constant 1.
     Alive,
     /// Position of `joint` \[rad or m\].
     JointPosition,
@@ -26,7 +26,7 @@ pub enum Quantity {
     ActionChange,
     /// Root mean square of the efforts of the action's joints in the last physics step \[Nm or N\].
     Effort,
-    /// Root mean square distance of the action's joints from the default pose \[rad or m\].
+    /// Root mean square deviation of the action's joints from the default pose \[rad or m\].
     PoseError,
     /// Norm of the difference between the horizontal velocity of the base and the command \[m/s\].
     VelocityError,
@@ -36,7 +36,7 @@ pub enum Quantity {
     VerticalVelocity,
     /// Norm of the angular velocity of the base about its horizontal axes \[rad/s\].
     RollPitchRate,
-    /// Angle between the vertical axis of the base and the world's, 0 to pi \[rad\].
+    /// Angle between the vertical axis of the base and the vertical of the world, 0 to pi \[rad\].
     Tilt,
     /// Height of the base in the world \[m\].
     BaseHeight,
@@ -69,35 +69,35 @@ pub enum Shape {
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Reward {
-    /// The quantity.
+    /// Quantity that is rewarded.
     pub term: Quantity,
-    /// Joint of a joint quantity.
+    /// Name of the joint, for a quantity of a joint.
     pub joint: Option<String>,
-    /// Joints of `joint_cosine`.
+    /// Names of the joints, for `joint_cosine`.
     pub joints: Option<Vec<String>>,
-    /// Links of `contact_force`.
+    /// Names of the links, for `contact_force`.
     pub links: Option<Vec<String>>,
-    /// One or two points of `distance`, `height` and `speed`: links, objects, or `target`.
+    /// One or two points, for `distance`, `height` and `speed`: links, objects, or `target`.
     pub points: Option<Vec<String>>,
-    /// Subtracted from the quantity. Default: 0.
+    /// Value subtracted from the quantity. Default: 0.
     #[serde(default)]
     pub target: f64,
     /// Function of the difference. Default: `linear`.
     #[serde(default)]
     pub shape: Shape,
-    /// Width of a kernel, in units of the quantity, above 0.
+    /// Width of a kernel, in units of the quantity, more than 0.
     pub width: Option<f64>,
-    /// Bounds before the weight. Default: unbounded.
+    /// Minimum and maximum of the shaped value, before the weight. Default: unbounded.
     pub clip: Option<[f64; 2]>,
-    /// Factor. Default: 1.
+    /// Factor of the term. Default: 1.
     #[serde(default = "one")]
     pub weight: f64,
-    /// Terms that multiply this term. They cannot have `times`. Default: none.
+    /// Terms by which this term is multiplied. They cannot have `times` themselves. Default: none.
     #[serde(default)]
     pub times: Vec<Self>,
 }
 
-/// Meaning of a termination.
+/// Meaning of a termination for the task.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
@@ -112,24 +112,24 @@ pub enum Verdict {
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Termination {
-    /// The quantity.
+    /// Quantity that is monitored.
     pub term: Quantity,
-    /// Joint of a joint quantity.
+    /// Name of the joint, for a quantity of a joint.
     pub joint: Option<String>,
-    /// Joints of `joint_cosine`.
+    /// Names of the joints, for `joint_cosine`.
     pub joints: Option<Vec<String>>,
-    /// Links of `contact_force`.
+    /// Names of the links, for `contact_force`.
     pub links: Option<Vec<String>>,
-    /// One or two points of `distance`, `height` and `speed`: links, objects, or `target`.
+    /// One or two points, for `distance`, `height` and `speed`: links, objects, or `target`.
     pub points: Option<Vec<String>>,
-    /// Ends the episode while the quantity is outside of this range.
+    /// Range outside of which the quantity ends the episode.
     pub outside: Option<[f64; 2]>,
-    /// Ends the episode while the quantity is inside this range.
+    /// Range inside of which the quantity ends the episode.
     pub inside: Option<[f64; 2]>,
-    /// Meaning of the end. Default: `failure`.
+    /// Meaning of the termination. Default: `failure`.
     #[serde(default)]
     pub verdict: Verdict,
-    /// Further conditions that must also hold. They cannot have `and` or `verdict`. Default: none.
+    /// Further conditions that must also hold. They cannot have `and` or `verdict` themselves. Default: none.
     #[serde(default)]
     pub and: Vec<Self>,
 }

@@ -6,8 +6,8 @@ use motorium_primitives::cpg::{Gait, NetworkSettings, Node, PhaseNetwork};
 
 use super::TaskError;
 
-/// The phase-amplitude network of a [`Pattern`], as in `policy.cpg`, shared by environments and
-/// `policy.joint_targets`. Only [`new`](Self::new) and [`clone`](Clone::clone) allocate.
+/// The phase-amplitude network of a [`Pattern`], as in `policy.cpg`. Environments and `policy.joint_targets`
+/// share it. Only [`new`](Self::new) and [`clone`](Clone::clone) allocate.
 #[derive(Clone, Debug)]
 pub struct Rhythm {
     network: PhaseNetwork,
@@ -63,17 +63,17 @@ impl Rhythm {
         Ok(Some(Self { start: network.clone(), network, pattern, clip, nodes: joints }))
     }
 
-    /// Returns to the start of an episode: at rest, without an amplitude.
+    /// Resets the network to the start of an episode: at rest, with zero amplitude.
     pub fn reset(&mut self) {
         self.network.clone_from(&self.start);
     }
 
-    /// Commands the parameters of an action within its bounds: a number for each joint, then frequency and
-    /// amplitude. Returns `false` if a number is not finite.
+    /// Applies an action, clamped to its bounds: one number for each joint, then frequency and amplitude.
+    /// Returns `false` if a number is not finite.
     ///
     /// # Panics
     ///
-    /// If the action has too few numbers.
+    /// If the action has too few entries.
     pub fn command(&mut self, targets: &JointTargets, action: &[f64]) -> bool {
         let outputs = [0, 1].map(|index| action[targets.targets().len() + index]);
         let [frequency, scale] = self.pattern.parameters(outputs, self.clip);
@@ -85,12 +85,12 @@ impl Rhythm {
             })
     }
 
-    /// Advances by a time \[s\].
+    /// Advances by `dt` seconds.
     pub fn step(&mut self, dt: f64) {
         self.network.step(dt);
     }
 
-    /// Returns the index of each oscillation's joint in the action, and its target.
+    /// Returns, for each oscillation, the index of its joint in the action and its target.
     pub fn targets(&self) -> impl Iterator<Item = (usize, f64)> {
         self.nodes.iter().map(|(joint, _)| *joint).zip(self.network.output().iter().copied())
     }

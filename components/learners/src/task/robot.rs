@@ -3,7 +3,8 @@
 use motorium_models::policy::{Action, Policy, RobotDifference, RobotDigest};
 use motorium_robots::Loaded;
 
-/// Returns the digest of a robot for a policy that commands these joints; `None` if one is missing.
+/// Returns the digest of a robot for a policy that commands these joints; `None` if the robot lacks one of
+/// them.
 ///
 /// ```
 /// use motorium_learners::task::robot_digest;
@@ -28,8 +29,8 @@ pub fn digest_joints<'a>(action: &'a Action, robot: &'a Loaded) -> Vec<&'a str> 
     action.joints.iter().chain(of_base).map(String::as_str).collect()
 }
 
-/// Returns the difference between the robot that a policy was trained for and another robot. `None` if they
-/// are equal, or the policy has no digest. A missing joint is a difference of joints.
+/// Returns the difference between the robot for which a policy was trained and another robot. Returns `None`
+/// if they are equal, or the policy has no digest. A missing joint counts as a difference of joints.
 pub fn robot_difference(policy: &Policy, robot: &Loaded) -> Option<RobotDifference> {
     let trained = policy.robot_digest?;
     match robot_digest(robot, &digest_joints(&policy.action, robot)) {

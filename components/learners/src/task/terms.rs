@@ -14,19 +14,19 @@ use super::{
 };
 use crate::random::Counter;
 
-/// Reward and end of a step.
+/// Reward of a step, and the end of the episode.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Outcome {
     /// Reward of the state after the step.
     pub reward: f64,
-    /// Verdict of the first termination that is met.
+    /// Verdict of the first termination whose condition is met; `None` if the episode continues.
     pub end: Option<Verdict>,
 }
 
-/// Measured state of a robot, from which a task is judged.
+/// Measured state of a robot, from which the terms of a task are evaluated.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct RobotState<'a> {
-    /// Positions of the joints in the order of the robot \[rad or m\].
+    /// Positions of the joints in the robot's order \[rad or m\].
     pub positions: &'a [f64],
     /// Velocities of the joints \[rad/s or m/s\].
     pub velocities: &'a [f64],
@@ -36,9 +36,9 @@ pub struct RobotState<'a> {
     pub base: BaseMotion,
     /// Height of the base in the world \[m\].
     pub height: f64,
-    /// Sum of the forces of contacts on each of [`Terms::links`] \[N\].
+    /// Sum of the forces of contacts on each link of [`Terms::links`] \[N\].
     pub forces: &'a [f64],
-    /// Motion of each of [`Terms::objects`].
+    /// Motion of each object of [`Terms::objects`].
     pub objects: &'a [PointMotion],
 }
 
@@ -89,7 +89,7 @@ pub(super) struct Actions<'a> {
 }
 
 impl Terms {
-    /// Resolves the terms of a task at the joints and links of a robot.
+    /// Creates the terms of a task for the joints and links of a robot.
     ///
     /// # Errors
     ///
@@ -218,18 +218,18 @@ impl Terms {
         self.policy.outputs()
     }
 
-    /// The actions among which a discrete policy chooses; `None` if actions are continuous.
+    /// Returns the actions among which a discrete policy chooses; `None` if actions are continuous.
     pub fn choices(&self) -> Option<&Choices> {
         self.choices.as_ref()
     }
 
-    /// Ranges of a base twist; `None` if the action commands joints.
+    /// Returns the ranges of a base twist; `None` if the action commands joints.
     pub fn twist(&self) -> Option<TwistRanges> {
         self.policy.action.twist
     }
 
-    /// For each number of an action, true if it has an effect: the scale of its joint is not 0, or it
-    /// commands the pattern or the base.
+    /// Returns, for each element of an action, `true` if it has an effect: the scale of its joint is not 0,
+    /// or it commands the pattern or the base.
     pub fn active_actions(&self) -> Vec<bool> {
         let joints = self.targets.targets();
         (0..self.actions()).map(|index| joints.get(index).is_none_or(|joint| joint.scale != 0.0)).collect()
@@ -244,17 +244,17 @@ impl Terms {
         self.joints
     }
 
-    /// Returns the number of policy steps in the longest episode.
+    /// Returns the maximum number of policy steps of an episode.
     pub fn steps(&self) -> usize {
         self.steps
     }
 
-    /// Links whose contacts are measured.
+    /// Returns the names of the links whose contacts are measured.
     pub fn links(&self) -> &[String] {
         &self.links
     }
 
-    /// Returns the objects whose motion is measured.
+    /// Returns the names of the objects whose motion is measured.
     pub fn objects(&self) -> &[String] {
         self.points.objects()
     }
@@ -279,7 +279,7 @@ impl Terms {
         self.commands.as_ref().is_some_and(|ranges| ranges.target.is_some())
     }
 
-    /// Returns the targets of the joints.
+    /// Returns the conversion of actions to joint targets.
     pub fn targets(&self) -> &JointTargets {
         &self.targets
     }

@@ -7,14 +7,14 @@ use super::terms::Actions;
 use super::{Points, RobotState, Terms, Verdict};
 use crate::random::Counter;
 
-/// End of an episode.
+/// Reason for the end of an episode.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum End {
-    /// A termination with the verdict failure, or a physics step that failed.
+    /// A termination with the verdict failure was met, or a physics step failed.
     Failure,
-    /// A termination with the verdict success.
+    /// A termination with the verdict success was met.
     Success,
-    /// The maximum duration. The episode is truncated, so the final state still has a value.
+    /// The maximum duration was reached. The episode is truncated, so the final state still has a value.
     Truncated,
 }
 
@@ -31,12 +31,12 @@ impl End {
 pub struct Step {
     /// Reward of the state after the step.
     pub reward: f64,
-    /// End of the episode in this step.
+    /// Reason for the end of the episode; `None` if it continues.
     pub end: Option<End>,
 }
 
-/// One attempt at a task, independent of the world: used by environments and by the component `learner.task`.
-/// Only [`new`](Self::new) and [`with_noise`](Self::with_noise) allocate.
+/// One attempt at a task, independent of the simulated world. Environments and the component `learner.task`
+/// share it. Only [`new`](Self::new) and [`with_noise`](Self::with_noise) allocate.
 ///
 /// Call [`begin`](Self::begin) with the first state, then [`act`](Self::act) and [`judge`](Self::judge) for
 /// each policy step.
@@ -80,7 +80,8 @@ impl Trial {
         Self { noisy, ..Self::new(terms) }
     }
 
-    /// Starts in a state. The counter and the level of the curriculum, 0 to 1, determine the commands.
+    /// Starts the trial in a state. The counter and the level of the curriculum (0 to 1) determine the
+    /// commands.
     pub fn begin(&mut self, terms: &Terms, (counter, level): (Counter, f64), state: &RobotState<'_>) {
         (self.counter, self.level) = (counter, level);
         (self.step, self.total) = (0, 0.0);
@@ -92,11 +93,11 @@ impl Trial {
         self.observe(terms, state);
     }
 
-    /// Applies the bounds of the task to the action of a step and stores it.
+    /// Clamps the action of a step to the bounds of the task and stores it.
     ///
     /// # Panics
     ///
-    /// If the action has too few numbers.
+    /// If the action has too few entries.
     pub fn act(&mut self, terms: &Terms, action: impl IntoIterator<Item = f64>) {
         core::mem::swap(&mut self.before, &mut self.newest);
         let mut action = action.into_iter();
@@ -105,7 +106,7 @@ impl Trial {
         }
     }
 
-    /// Judges the state after a step. A failed physics step (`is_stepped` is `false`) is a failure.
+    /// Evaluates the state after a step. A failed physics step (`is_stepped` is `false`) counts as a failure.
     pub fn judge(&mut self, terms: &Terms, state: &RobotState<'_>, is_stepped: bool) -> Step {
         self.step += 1;
         self.points.locate((state.positions, state.velocities), state.objects);
@@ -154,8 +155,8 @@ impl Trial {
         &self.newest
     }
 
-    /// Returns the current command: forward, left \[m/s\], turn \[rad/s\], or the position of the target
-    /// \[m\].
+    /// Returns the current command: velocity forwards and to the left \[m/s\] and yaw rate \[rad/s\], or the
+    /// position of the target \[m\].
     pub fn command(&self) -> [f64; 3] {
         self.command
     }

@@ -15,12 +15,13 @@ use crate::sac::SacSettings;
 use crate::task::{Task, TaskError};
 use crate::td3::Td3Settings;
 
-/// Creates a learner before its first step, with the settings of the task. `steps` overrides the number of
-/// steps.
+/// Creates a learner before its first step, with the settings of the task. `steps` overrides the total number
+/// of steps.
 ///
 /// # Errors
 ///
-/// [`EnvironmentError`].
+/// [`EnvironmentError`] if a setting is invalid, the task does not fit the robot, or a simulation cannot be
+/// built.
 pub fn start(
     algorithm: Algorithm,
     task: &Task,

@@ -23,7 +23,7 @@ use crate::task::Task;
 
 const HEADER: &str = "update,steps,episodes,mean_return,mean_length";
 
-/// Errors of a run.
+/// Error of a training run in a folder.
 #[derive(Debug, thiserror::Error)]
 pub enum RunError {
     /// A file cannot be read or written.
@@ -35,19 +35,19 @@ pub enum RunError {
     /// The description of the run does not parse.
     #[error("{}: {message}", file.display())]
     Description {
-        /// The file.
+        /// Path of the file.
         file: PathBuf,
-        /// Reason.
+        /// Reason why it does not parse.
         message: String,
     },
-    /// The run cannot be continued.
+    /// The run cannot be continued, because it has no checkpoint.
     #[error(
-        "{} has no {CHECKPOINT}: a run of imitation cannot be continued\n\
+        "{} has no {CHECKPOINT}: a run of imitation learning cannot be continued\n\
          help: train again into another folder",
         folder.display()
     )]
     NoCheckpoint {
-        /// The folder.
+        /// Path of the folder.
         folder: PathBuf,
     },
     /// The robot cannot be loaded.
@@ -56,12 +56,12 @@ pub enum RunError {
     /// The environment failed.
     #[error(transparent)]
     Environment(#[from] EnvironmentError),
-    /// The checkpoint does not fit.
+    /// The checkpoint does not fit the run.
     #[error("{}: {source}", file.display())]
     Checkpoint {
-        /// File of the checkpoint.
+        /// Path of the checkpoint file.
         file: PathBuf,
-        /// Reason.
+        /// Reason why it does not fit.
         source: Box<CheckpointError>,
     },
     /// Training failed.
@@ -77,10 +77,10 @@ struct Description {
     base: PathBuf,
 }
 
-/// Result of a run.
+/// Summary of a run.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Summary {
-    /// The algorithm.
+    /// Algorithm of the run.
     pub algorithm: Algorithm,
     /// Total steps of all worlds.
     pub steps: u64,
@@ -88,7 +88,7 @@ pub struct Summary {
     pub updates: u64,
     /// Progress of the last update; `None` if the run had already finished.
     pub last: Option<Progress>,
-    /// SHA-256 of all weights.
+    /// SHA-256 digest of all weights, in hexadecimal.
     pub weights_sha256: String,
 }
 
@@ -128,11 +128,12 @@ impl Run {
     }
 
     /// Starts a run of an algorithm on the task in a file, with the settings in `[algorithms]`. `steps`
-    /// overrides the number of steps.
+    /// overrides the total number of steps.
     ///
     /// # Errors
     ///
-    /// [`RunError`]; [`FolderError::Exists`] if the folder already contains a run.
+    /// [`RunError`] if the task is invalid, training cannot start, or the folder cannot be used;
+    /// [`FolderError::Exists`] if the folder already contains a run.
     pub fn create(
         algorithm: Algorithm,
         file: &Path,
@@ -164,7 +165,7 @@ impl Run {
     ///
     /// # Errors
     ///
-    /// [`RunError`].
+    /// [`RunError`] if the folder contains no run that can be continued.
     pub fn resume(folder: &Path, threads: usize) -> Result<Self, RunError> {
         folder::check_run(folder)?;
         let file = folder.join(RUN);
@@ -202,7 +203,7 @@ impl Run {
         &self.warnings
     }
 
-    /// Returns the time of all updates per phase, since the run was created or resumed.
+    /// Returns the time of all updates by phase, since the run was created or resumed.
     pub fn costs(&self) -> Costs {
         let mut costs = self.learner.costs();
         costs.add(Phase::Files, self.watch.costs().seconds(Phase::Files));
@@ -214,17 +215,17 @@ impl Run {
         self.learner.measures()
     }
 
-    /// Returns the steps so far, and the steps of the whole run.
+    /// Returns the number of steps so far, and the total number of steps of the run.
     pub fn steps(&self) -> (u64, u64) {
         (self.learner.steps(), self.learner.total_steps())
     }
 
-    /// Runs one update and writes its line, and a checkpoint when due. Returns `None` once all steps are
-    /// done.
+    /// Performs one update and writes its line of progress, and a checkpoint when due. Returns `None` once
+    /// all steps have been performed.
     ///
     /// # Errors
     ///
-    /// [`RunError`].
+    /// [`RunError`] if training fails or a file cannot be written.
     pub fn advance(&mut self) -> Result<Option<Progress>, RunError> {
         if self.learner.is_finished() {
             return Ok(None);
@@ -259,11 +260,11 @@ impl Run {
         written.map_err(|source| FileError { file, source }.into())
     }
 
-    /// Writes checkpoint and policy, as [`advance`](Self::advance) does when due.
+    /// Writes a checkpoint and the policy, as [`advance`](Self::advance) does when due.
     ///
     /// # Errors
     ///
-    /// [`RunError`].
+    /// [`RunError`] if a file cannot be written.
     pub fn save(&self) -> Result<(), RunError> {
         let file = self.folder.join(CHECKPOINT);
         let bytes = self

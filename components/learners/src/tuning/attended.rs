@@ -3,20 +3,20 @@
 use super::dialogue::{Action, AnswerError, Question, Stage};
 use super::run::{Progress, Recorder, Subject, Tuning, TuningError};
 
-/// Person who watches the robot and answers questions.
+/// Interface to the person who watches the robot and answers questions.
 pub trait Operator {
-    /// Asks a question and waits for a line. `None` at the end of the input or after an interruption: the
-    /// tuning stops, and no episode begins.
+    /// Asks a question and waits for a line of text. Returns `None` at the end of the input or after an
+    /// interruption. The tuning then stops, and no episode begins.
     fn ask(&mut self, question: &Question) -> Option<String>;
 
-    /// Reports an answer that is not one of the choices. The same question follows.
+    /// Reports an answer that is not one of the choices. The same question is then asked again.
     fn reject(&mut self, error: &AnswerError);
 }
 
-/// End of an attended tuning.
+/// Reason for the end of an attended tuning.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Attendance {
-    /// All evaluations are recorded.
+    /// All evaluations have been recorded.
     Finished,
     /// The operator stopped the tuning, or the input ended. [`Tuning::attend`] asks the same question again.
     Stopped,
@@ -24,14 +24,14 @@ pub enum Attendance {
 
 impl Tuning {
     /// Evaluates the remaining candidates one at a time. The operator permits each episode and judges its
-    /// result; `observe` is called after each recorded evaluation.
+    /// result. `observe` is called after each recorded evaluation.
     ///
-    /// The state is saved before each question: a tuning that is stopped, interrupted or killed asks the same
-    /// question again, with the same values to the bit. An interrupted episode counts as not run.
+    /// The state is saved before each question. A tuning that is stopped, interrupted or killed therefore
+    /// asks the same question again, with bitwise the same values. An interrupted episode counts as not run.
     ///
     /// # Errors
     ///
-    /// [`TuningError`]. The folder then holds all evaluations so far.
+    /// [`TuningError`] if the tuning cannot continue. The folder then contains all evaluations so far.
     pub fn attend<T: Subject>(
         &mut self,
         subject: &T,

@@ -4,62 +4,62 @@ use serde::{Deserialize, Serialize};
 
 use crate::search::{Evaluation, Outcome};
 
-/// Stage of a candidate on a robot.
+/// Stage of the evaluation of a candidate on a robot.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Stage {
-    /// The candidate waits for permission: no episode has run, or the last one was discarded.
+    /// The candidate waits for permission: no episode has run, or the last episode was discarded.
     #[default]
     Proposed,
     /// An episode has ended, and its result waits for the operator's judgement.
     Ended(Evaluation),
 }
 
-/// A question to the operator, who has the robot in view.
+/// A question to the operator, who can see the robot.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Question {
-    /// Number of the evaluation, from 1.
+    /// Number of the evaluation, counted from 1.
     pub evaluation: u64,
-    /// Evaluations of the whole tuning.
+    /// Total number of evaluations of the tuning.
     pub evaluations: u64,
     /// Proposed values of the parameters.
     pub values: Vec<f64>,
-    /// Values of the previous evaluation, or `None` for the first.
+    /// Values of the previous evaluation; `None` for the first evaluation.
     pub last: Option<Vec<f64>>,
-    /// Best reward so far, or `None` while all evaluations failed.
+    /// Best reward so far; `None` while all evaluations failed.
     pub best: Option<f64>,
-    /// Stage of the candidate; it defines the [`choices`](Stage::choices).
+    /// Stage of the candidate, which determines the valid [`choices`](Stage::choices).
     pub stage: Stage,
 }
 
-/// Consequence of an answer.
+/// Action that follows from an answer.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Action {
-    /// Run an episode. The stage is then [`Stage::Ended`].
+    /// Runs an episode. The stage is then [`Stage::Ended`].
     Run,
-    /// Record a result of the candidate and propose the next one.
+    /// Records a result of the candidate and proposes the next candidate.
     Record(Evaluation),
-    /// Discard the result and propose the same values again.
+    /// Discards the result and proposes the same values again.
     Propose,
-    /// End the tuning for now. The same question follows when it is resumed.
+    /// Stops the tuning. The same question is asked when the tuning is resumed.
     Stop,
 }
 
-/// The answer is not one of the choices.
+/// Error of an answer that is not one of the choices.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("found `{found}`, expected {expected}")]
 pub struct AnswerError {
     /// Text found.
     pub found: String,
-    /// Choices.
+    /// Valid choices.
     pub expected: &'static str,
 }
 
 impl Stage {
-    /// The choices in words.
+    /// Returns the valid answers in this stage, as text.
     ///
-    /// A result with a reward, an unmet expectation and refused values can be accepted. After a safe stop, a
-    /// failed run or a reward without a value there is nothing to accept.
+    /// A result can be accepted if it has a reward, if a condition of success is not met, or if the values
+    /// were refused. After a safe stop, a failed run or a reward without a value, there is nothing to accept.
     pub fn choices(&self) -> &'static str {
         match self {
             Self::Proposed => "run, skip or stop",
@@ -71,7 +71,8 @@ impl Stage {
         }
     }
 
-    /// The consequence of an answer. Only whole words count, so that no stray key moves a robot.
+    /// Returns the action that follows from an answer. Only whole words count, so that a stray key cannot
+    /// move a robot.
     ///
     /// # Errors
     ///

@@ -49,15 +49,16 @@ pub enum Method {
     Xnes,
     /// Episodic relative entropy policy search.
     Reps,
-    /// Path integrals with black-box averaging (PI^BB).
+    /// Path integral policy improvement with black-box averaging (PI^BB).
     PathIntegral,
-    /// Policy learning by weighting exploration with the returns (PoWER), for rewards above 0.
+    /// Policy learning by weighting exploration with the returns (PoWER). Rewards must be more than 0.
     Power,
     /// Gradient ascent by central differences.
     FiniteDifferences,
-    /// Gaussian process and expected improvement: for few, expensive evaluations.
+    /// Bayesian optimisation with a Gaussian process and expected improvement, for few, expensive
+    /// evaluations.
     Bayesian,
-    /// Independent, uniform candidates: the baseline.
+    /// Independent, uniformly distributed candidates, as a baseline.
     Random,
 }
 
@@ -72,20 +73,21 @@ pub struct Settings {
     pub method: Method,
     /// Seed of the search.
     pub seed: u64,
-    /// Number of evaluations, from 1.
+    /// Total number of evaluations, at least 1.
     pub evaluations: u64,
-    /// Number of simultaneous evaluations of a Bayesian search, from 1. Each candidate is proposed without
-    /// the rewards of the last `together - 1` candidates. Other methods evaluate whole generations together.
+    /// Number of simultaneous evaluations of a Bayesian search, at least 1. Each candidate is proposed
+    /// without the rewards of the last `together - 1` candidates. Other methods evaluate whole generations
+    /// together.
     pub together: usize,
 }
 
 impl Settings {
-    /// Creates the search. It starts in the middle of the ranges, with a deviation of a quarter of each
-    /// range.
+    /// Creates the search. It starts in the middle of the ranges, with a standard deviation of a quarter of
+    /// each range.
     ///
     /// # Errors
     ///
-    /// [`StartError`].
+    /// [`StartError`] if the start or a setting is invalid.
     pub fn search(&self) -> Result<Box<dyn Search>, StartError> {
         let bounds: Vec<[f64; 2]> = self.parameters.iter().map(Parameter::bounds).collect();
         let start = || {

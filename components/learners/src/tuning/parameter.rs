@@ -5,18 +5,18 @@ use core::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
-/// Scale on which a parameter is searched.
+/// Scale on which the values of a parameter are searched.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Scale {
-    /// Differences matter.
+    /// Linear scale, on which differences matter.
     #[default]
     Linear,
-    /// Ratios matter: for gains and tolerances over several decades.
+    /// Logarithmic scale, on which ratios matter, for gains and tolerances over several decades.
     Log,
 }
 
-/// A number to tune: its keys and its range.
+/// A number to tune: the keys that it sets, and its range.
 ///
 /// ```
 /// use motorium_learners::tuning::{Parameter, Scale};
@@ -30,7 +30,7 @@ pub enum Scale {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Parameter {
-    /// Keys that are set to the value, at least one.
+    /// Configuration keys that are set to the value, at least one.
     pub keys: Vec<String>,
     /// Lowest and highest value.
     pub range: [f64; 2],
@@ -39,16 +39,16 @@ pub struct Parameter {
     pub scale: Scale,
 }
 
-/// The text does not describe a parameter.
+/// Error of a text that does not describe a parameter.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ParameterError {
-    /// The text has another form.
+    /// The text does not have the expected form.
     #[error("found `{0}`, expected KEY=LOW:HIGH or KEY=LOW:HIGH:log, such as policy.config.frequency=1:4")]
     Form(String),
     /// A bound is not a number.
     #[error("`{key}`: the bound `{bound}` is not a finite number")]
     Bound {
-        /// First key.
+        /// First key of the parameter.
         key: String,
         /// Text of the bound.
         bound: String,
@@ -56,17 +56,17 @@ pub enum ParameterError {
     /// The range is empty.
     #[error("`{key}`: the range {low}:{high} is empty, expected the lower bound first")]
     Empty {
-        /// First key.
+        /// First key of the parameter.
         key: String,
         /// Lower bound.
         low: f64,
         /// Upper bound.
         high: f64,
     },
-    /// A logarithmic range begins at or below 0.
+    /// The lower bound of a logarithmic range is not positive.
     #[error("`{key}`: the lower bound is {low}, expected a number above 0 on a logarithmic scale")]
     Log {
-        /// First key.
+        /// First key of the parameter.
         key: String,
         /// Lower bound.
         low: f64,
@@ -77,7 +77,7 @@ pub enum ParameterError {
 }
 
 impl Parameter {
-    /// Returns the name in tables: the keys.
+    /// Returns the name of the parameter in tables, formed from its keys.
     pub fn name(&self) -> String {
         self.keys.join(",")
     }

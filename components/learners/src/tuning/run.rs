@@ -21,7 +21,7 @@ const CHECKPOINT: &str = "checkpoint.json";
 const TABLE: &str = "evaluations.csv";
 const BEST: &str = "best.toml";
 
-/// Evaluates parameters of a [`Tuning`].
+/// A subject whose parameters are evaluated by a [`Tuning`], such as a graph or a robot.
 pub trait Subject: Sync {
     /// Resources of a thread. A worker is built on the thread that uses it.
     type Worker;
@@ -29,18 +29,19 @@ pub trait Subject: Sync {
     /// [`Evaluation`].
     type Error: Send;
 
-    /// Builds the worker of a thread.
+    /// Creates the worker of a thread.
     ///
     /// # Errors
     ///
-    /// The worker cannot be built.
+    /// Returns an error if the worker cannot be created.
     fn worker(&self, thread: usize) -> Result<Self::Worker, Self::Error>;
 
-    /// Evaluates values of the parameters, with random numbers of a seed. The result depends on nothing else.
+    /// Evaluates values of the parameters, with random numbers derived from a seed. The result must not
+    /// depend on anything else.
     ///
     /// # Errors
     ///
-    /// The tuning cannot continue.
+    /// Returns an error if the tuning cannot continue.
     fn evaluate(
         &self,
         worker: &mut Self::Worker,
@@ -48,15 +49,15 @@ pub trait Subject: Sync {
         seed: u64,
     ) -> Result<Evaluation, Self::Error>;
 
-    /// Returns the content of `best.toml` for values of the parameters and their reward.
+    /// Returns the content of `best.toml` for the best values of the parameters and their reward.
     ///
     /// # Errors
     ///
-    /// The values cannot be written.
+    /// Returns an error if the values cannot be written.
     fn best(&self, values: &[f64], reward: f64) -> Result<String, Self::Error>;
 }
 
-/// Errors of a tuning.
+/// Error of a tuning.
 #[derive(Debug, thiserror::Error)]
 pub enum TuningError<E> {
     /// A file cannot be read or written.
@@ -64,12 +65,12 @@ pub enum TuningError<E> {
     File(#[from] FileError),
     /// The folder already contains a tuning.
     #[error(
-        "{} holds a tuning, expected a folder without one\n\
+        "{} contains a tuning, expected a folder without one\n\
          help: continue it with `motorium learn resume {}`, or choose another folder",
         folder.display(), folder.display()
     )]
     Exists {
-        /// The folder.
+        /// Path of the folder.
         folder: PathBuf,
     },
     /// A parameter is invalid.
@@ -78,10 +79,10 @@ pub enum TuningError<E> {
     /// The search cannot start.
     #[error(transparent)]
     Start(#[from] StartError),
-    /// A number is out of range.
+    /// A count is 0.
     #[error("found {found} {what}, expected at least 1")]
     Count {
-        /// Counted quantity.
+        /// Name of the counted quantity.
         what: &'static str,
         /// Number found.
         found: u64,
@@ -89,37 +90,36 @@ pub enum TuningError<E> {
     /// A file of the folder does not parse.
     #[error("{}: {message}", file.display())]
     Parse {
-        /// The file.
+        /// Path of the file.
         file: PathBuf,
-        /// Reason.
+        /// Reason why it does not parse.
         message: String,
     },
     /// The checkpoint belongs to another search.
     #[error("{}: {source}", file.display())]
     Restore {
-        /// The file.
+        /// Path of the file.
         file: PathBuf,
-        /// Reason.
+        /// Reason why it cannot be restored.
         source: RestoreError,
     },
     /// The table has fewer lines than the checkpoint has evaluations.
     #[error("{} has {found} evaluations, expected {expected}, as in the checkpoint", file.display())]
     Table {
-        /// The file.
+        /// Path of the table.
         file: PathBuf,
-        /// Lines found.
+        /// Number of lines found.
         found: u64,
-        /// Evaluations of the checkpoint.
+        /// Number of evaluations in the checkpoint.
         expected: u64,
     },
-    /// The search refused a reward.
+    /// The search rejected a reward.
     #[error(transparent)]
     Tell(#[from] TellError),
-    /// The first evaluation finished without a value of its reward, so no other evaluation would have a
-    /// value.
+    /// The first evaluation finished without a reward, so all other evaluations would also have none.
     #[error("the first evaluation has no reward: {reason}")]
     NoReward {
-        /// Reason.
+        /// Reason why it has no reward.
         reason: String,
     },
     /// The subject cannot be evaluated.
@@ -127,7 +127,7 @@ pub enum TuningError<E> {
     Subject(E),
 }
 
-/// Error of operations without a subject.
+/// Error of operations that do not evaluate a subject.
 pub type FolderError = TuningError<core::convert::Infallible>;
 
 /// Content of `tuning.json`.
@@ -163,35 +163,36 @@ impl Attended {
     }
 }
 
-/// Progress after an evaluation.
+/// Progress of a tuning after an evaluation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Progress<'a> {
-    /// Number of the evaluation, from 1.
+    /// Number of the evaluation, counted from 1.
     pub evaluation: u64,
-    /// Number of evaluations of the whole tuning.
+    /// Total number of evaluations of the tuning.
     pub evaluations: u64,
     /// Values of the parameters.
     pub values: &'a [f64],
-    /// Result.
+    /// Result of the evaluation.
     pub result: &'a Evaluation,
-    /// Best reward so far, or `None` while all evaluations failed.
+    /// Best reward so far; `None` while all evaluations failed.
     pub best: Option<f64>,
 }
 
-/// Result of a tuning.
+/// Summary of a tuning.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Summary {
-    /// Evaluations.
+    /// Number of evaluations so far.
     pub evaluations: u64,
     /// Number of evaluations by outcome; the sum is `evaluations`.
     pub outcomes: BTreeMap<Outcome, u64>,
-    /// Best values of the parameters and their reward, or `None` if every evaluation failed.
+    /// Best values of the parameters and their reward; `None` if every evaluation failed.
     pub best: Option<(Vec<f64>, f64)>,
-    /// SHA-256 of the table of evaluations, in hexadecimal: equal for equal parameters, rewards and outcomes.
+    /// SHA-256 digest of the table of evaluations, in hexadecimal. It is equal for equal parameters, rewards
+    /// and outcomes.
     pub table_sha256: String,
 }
 
-/// A tuning in a folder. See [the module](super).
+/// A tuning in a folder; see [the module](super).
 pub struct Tuning {
     pub(super) folder: PathBuf,
     pub(super) settings: Settings,
@@ -205,11 +206,13 @@ impl Tuning {
         folder.join(DESCRIPTION).exists()
     }
 
-    /// Starts a tuning in a folder. `subject` describes the subject; [`resume`](Self::resume) returns it.
+    /// Starts a tuning in a folder. `subject` describes the subject and is returned by
+    /// [`resume`](Self::resume).
     ///
     /// # Errors
     ///
-    /// [`TuningError`]; [`TuningError::Exists`] if the folder already contains a tuning.
+    /// [`TuningError`] if a setting is invalid or the folder cannot be used; [`TuningError::Exists`] if the
+    /// folder already contains a tuning.
     pub fn create(
         folder: &Path,
         settings: Settings,
@@ -243,7 +246,7 @@ impl Tuning {
     ///
     /// # Errors
     ///
-    /// [`TuningError`].
+    /// [`TuningError`] if the folder contains no valid tuning.
     pub fn resume(folder: &Path) -> Result<(Self, serde_json::Value), FolderError> {
         let Description { settings, subject } = from_json(&folder.join(DESCRIPTION))?;
         Parameter::check_all(&settings.parameters)?;
@@ -277,17 +280,18 @@ impl Tuning {
         self.checkpoint.evaluations
     }
 
-    /// Returns the file of the best parameters. It exists once an evaluation has a reward.
+    /// Returns the path of the file with the best parameters. The file exists once an evaluation has a
+    /// reward.
     pub fn best_file(&self) -> PathBuf {
         self.folder.join(BEST)
     }
 
-    /// Evaluates the remaining candidates on `threads` threads and calls `observe` after each, in the order
-    /// of the candidates.
+    /// Evaluates the remaining candidates on `threads` threads. Calls `observe` after each evaluation, in the
+    /// order of the candidates.
     ///
     /// # Errors
     ///
-    /// [`TuningError`]. The folder then contains all evaluations so far.
+    /// [`TuningError`] if the tuning cannot continue. The folder then contains all evaluations so far.
     pub fn run<T: Subject>(
         &mut self,
         subject: &T,
@@ -319,7 +323,7 @@ impl Tuning {
         )
     }
 
-    /// Returns the result so far.
+    /// Returns a summary of the evaluations so far.
     ///
     /// # Errors
     ///

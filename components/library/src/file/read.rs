@@ -11,7 +11,7 @@ use crate::{BuildError, Entry, Frame, Layout, LibraryParts, Metric, MotionLibrar
 /// Largest size of a library file, bytes.
 const LONGEST: u64 = 2 * 1024 * 1024 * 1024;
 
-/// Error of a file that is not a valid library.
+/// Error of reading a file that is not a valid library.
 #[derive(Debug, thiserror::Error)]
 pub enum FileError {
     /// The file system reported an error.
@@ -19,7 +19,7 @@ pub enum FileError {
     Io {
         /// Path of the file.
         path: PathBuf,
-        /// Error of the system.
+        /// Error of the operating system.
         source: std::io::Error,
     },
     /// The content of a readable file is invalid.
@@ -27,22 +27,22 @@ pub enum FileError {
     In {
         /// Path of the file.
         path: PathBuf,
-        /// The error in the file.
+        /// Error in the content.
         source: Box<FileError>,
     },
-    /// The file is not a library.
+    /// The file is not a motion library.
     #[error(
         "not a motion library: it begins with `{}`; `motorium library build` creates one from recordings",
         .found.escape_ascii()
     )]
     Magic {
-        /// The first bytes of the file.
+        /// First bytes of the file.
         found: Vec<u8>,
     },
     /// The version is not supported.
-    #[error("a library of version {found}, this program reads version {VERSION}")]
+    #[error("the library has format version {found}, expected {VERSION}")]
     Version {
-        /// The version found.
+        /// Version found.
         found: u32,
     },
     /// The file is too short or too long.
@@ -53,27 +53,27 @@ pub enum FileError {
         /// Number of bytes expected.
         expected: u64,
     },
-    /// The file was changed after it was written.
-    #[error("its checksum is {found:016x}, expected {expected:016x}: the file is damaged; build it again")]
+    /// The checksum is wrong, because the file was changed after it was written.
+    #[error("the checksum is {found:016x}, expected {expected:016x}: the file is damaged; build it again")]
     Checksum {
         /// Checksum of the bytes found.
         found: u64,
         /// Checksum stored in the file.
         expected: u64,
     },
-    /// The head is missing an entry or contradicts the file.
-    #[error("its head: {0}")]
+    /// The header lacks an entry or contradicts the file.
+    #[error("invalid header: {0}")]
     Head(String),
-    /// A section is outside the file, or its size differs from the one implied by the head.
+    /// A section is outside the file, or its size contradicts the header.
     #[error(
         "section `{name}` has {found} entries at byte {offset}, expected {expected} inside the file at a multiple of 8"
     )]
     Section {
         /// Name of the section.
         name: &'static str,
-        /// Entries according to the head.
+        /// Number of entries according to the header.
         found: usize,
-        /// Byte offset of its start.
+        /// Byte offset of the start of the section.
         offset: usize,
         /// Expected number of entries.
         expected: String,
@@ -81,32 +81,32 @@ pub enum FileError {
     /// The bytes are not aligned to 8 bytes in memory.
     #[error("the bytes are not aligned, expected an address that is a multiple of 8, as for a mapped file")]
     Misaligned,
-    /// The parts do not match each other.
+    /// The parts of the library do not match each other.
     #[error(transparent)]
     Parts(#[from] BuildError),
 }
 
-/// A checked library that borrows its bytes, such as a mapped file. Nothing is copied.
+/// A checked library that borrows the bytes of a file, such as a mapped file. Nothing is copied.
 #[derive(Debug)]
 pub struct View<'a> {
     head: Head,
-    /// Columns that are orthonormal in the metric, one after the other.
+    /// Basis: columns that are orthonormal in the metric, stored one after the other.
     pub basis: &'a [f64],
-    /// Singular values.
+    /// Singular value of each column.
     pub singular: &'a [f64],
-    /// All known singular values.
+    /// All known singular values of the data.
     pub spectrum: &'a [f64],
-    /// Weights, one movement after the other.
+    /// Weights, stored one movement after the other.
     pub weights: &'a [f64],
     frames: &'a [f64],
     energy: f64,
 }
 
 impl<'a> View<'a> {
-    /// Checks the bytes of a file.
+    /// Checks the bytes of a file and creates the view.
     ///
     /// # Errors
-    /// The file is invalid.
+    /// [`FileError`] if the file is invalid.
     pub fn new(bytes: &'a [u8]) -> Result<Self, FileError> {
         let head = head(bytes)?;
         let s = &head.sections;
@@ -146,7 +146,7 @@ impl<'a> View<'a> {
         })
     }
 
-    /// Returns the metric.
+    /// Returns the metric in which the basis is orthonormal.
     pub fn metric(&self) -> Metric {
         self.head.metric
     }
@@ -156,7 +156,7 @@ impl<'a> View<'a> {
         &self.head.names
     }
 
-    /// Returns ids and labels of the movements.
+    /// Returns the ids and labels of the movements.
     pub fn movements(&self) -> impl Iterator<Item = (&str, Option<&str>)> {
         let labels = self.head.labels.iter().map(|label| label.as_deref());
         self.head.ids.iter().map(String::as_str).zip(labels)
@@ -165,7 +165,7 @@ impl<'a> View<'a> {
     /// Copies the view into an owned library.
     ///
     /// # Errors
-    /// The contents do not form a library.
+    /// [`FileError`] if the contents do not form a library.
     pub fn to_library(&self) -> Result<MotionLibrary, FileError> {
         let (dofs, rank) = (self.head.names.len(), self.singular.len());
         let movements = self.head.ids.len();
@@ -233,7 +233,7 @@ fn head(bytes: &[u8]) -> Result<Head, FileError> {
 /// Reads a library from a file.
 ///
 /// # Errors
-/// The file system reports an error, or the file is invalid.
+/// [`FileError`] if the file system reports an error, or the file is invalid.
 pub fn read(path: &Path) -> Result<MotionLibrary, FileError> {
     let io = |source| FileError::Io { path: path.to_path_buf(), source };
     let content = read_bounded(path, LONGEST).map_err(io)?;
@@ -244,7 +244,7 @@ pub fn read(path: &Path) -> Result<MotionLibrary, FileError> {
 /// Reads a library from the bytes of a file, with any alignment.
 ///
 /// # Errors
-/// The bytes are not a library.
+/// [`FileError`] if the bytes are not a valid library.
 pub fn from_bytes(content: &[u8]) -> Result<MotionLibrary, FileError> {
     // an array of words, so that its numbers are aligned
     let mut words = vec![0_u64; content.len().div_ceil(8)];

@@ -70,10 +70,10 @@ pub fn to_bytes(library: &MotionLibrary) -> Vec<u8> {
     bytes
 }
 
-/// Writes a library to a file and replaces an existing one.
+/// Writes a library to a file. An existing file is replaced.
 ///
 /// # Errors
-/// The file system reports an error.
+/// Returns the error of the file system.
 pub fn write(library: &MotionLibrary, path: &Path) -> std::io::Result<()> {
     let mut beside = path.as_os_str().to_owned();
     beside.push(format!(".{}.part", std::process::id()));

@@ -1,9 +1,10 @@
 //! Letters as points along a stroke.
 
-/// The available letters.
+/// Available letters.
 pub const ALPHABET: &str = "abcdeghlmnopqrsuvwyz";
 
-/// Returns the points of a letter's stroke, in a box of 1 x 1 (descenders extend below 0), in writing order.
+/// Returns the points of a letter's stroke in writing order, in a box of 1 x 1 (descenders extend below 0);
+/// `None` for an unavailable letter.
 pub fn points(letter: char) -> Option<&'static [[f64; 2]]> {
     Some(match letter {
         'a' => &[

@@ -8,14 +8,14 @@ use rand_pcg::Pcg64;
 use super::shapes::{ALPHABET, points};
 use crate::{Recordings, Trajectory};
 
-/// Variation between letters: standard deviations.
+/// Standard deviations of the random variation between letters.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Variation {
     /// Standard deviation of each point, in letter widths.
     pub points: f64,
-    /// Standard deviation of slant, stretch and rotation.
+    /// Standard deviation of slant, stretch and rotation \[rad, or relative\].
     pub shape: f64,
-    /// Standard deviation of the logarithm of the duration.
+    /// Standard deviation of the natural logarithm of the duration.
     pub pace: f64,
 }
 
@@ -30,8 +30,8 @@ const SAMPLES: usize = 200;
 /// Duration of a letter per letter width of stroke length, s.
 const SECONDS_PER_WIDTH: f64 = 0.35;
 
-/// Returns `each` variations of every letter of the [`ALPHABET`]; equal seeds give equal letters. Widths are
-/// 1.
+/// Returns `each` random variations of every letter of the [`ALPHABET`], with widths of 1. Equal seeds give
+/// equal letters.
 pub fn letters(each: usize, variation: Variation, seed: u64) -> Recordings {
     let mut random = Pcg64::seed_from_u64(seed);
     let mut trajectories = Vec::new();

@@ -76,7 +76,7 @@ fn invalid_files_are_rejected_with_the_reason() {
 fn oversized_head_is_rejected() {
     let whole = library(Metric::Force);
     let part = whole.split(&whole.layout().part("part=leg").unwrap()).unwrap();
-    for (library, refusal) in [(&whole, "its head: "), (&part, "section `basis`")] {
+    for (library, refusal) in [(&whole, "invalid header: "), (&part, "section `basis`")] {
         let bytes = file::to_bytes(library);
         let head = usize::try_from(u64::from_le_bytes(bytes[24..32].try_into().unwrap())).unwrap();
         let text = std::str::from_utf8(&bytes[64..64 + head]).unwrap();
@@ -137,7 +137,10 @@ fn recordings_of_files_and_folders_share_their_dofs() {
     }
     write("other.csv", "a,c\n1,2\n3,4\n");
     let error = Recordings::read([folder.path()], &selection).unwrap_err().to_string();
-    assert!(error.contains("recording `other`") && error.contains("a, c, the first one a, b"), "{error}");
+    assert!(
+        error.contains("recording `other`") && error.contains("a, c, expected a, b as in the first"),
+        "{error}"
+    );
     let error = Recordings::read([write("x.csv", "a,b\n1,2\n1,x\n")], &selection).unwrap_err();
     assert!(error.to_string().contains("x.csv, line 3, column 2 (`b`): found `x`"), "{error}");
 }

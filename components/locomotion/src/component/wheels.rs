@@ -9,8 +9,8 @@ use crate::wheels::{
     BaseKind, Odometry as DeadReckoning, PlanarPose, PlanarTwist, RobotWheels, StartConfig, WheelsConfig,
 };
 
-/// A controller that converts a target velocity of a base to commands of its wheels and steering joints; see
-/// [`RobotWheels`]. The other joints follow `arm_command`, or hold their initial positions.
+/// A controller that converts a target velocity of the base to commands of its wheels and steering joints;
+/// see [`RobotWheels`]. All other joints follow `arm_command`, or hold their initial positions.
 ///
 /// Odometry is computed from the measured wheel angles and continues after a crash. Without a fresh joint
 /// state the controller commands nothing; without a fresh target the base brakes.

@@ -33,10 +33,11 @@ pub struct CentroidalMpc {
 }
 
 impl CentroidalMpc {
-    /// Creates a controller with one contact point per coefficient of `friction`.
+    /// Creates a controller with one contact point per entry of `friction`, the points' friction
+    /// coefficients.
     ///
     /// # Panics
-    /// If the horizon has no steps.
+    /// If `settings` specify a horizon without steps.
     pub fn new(settings: MpcSettings, friction: &[f64]) -> Self {
         assert!(settings.steps > 0, "a horizon without a step");
         let (steps, points) = (settings.steps, friction.len());
@@ -75,7 +76,7 @@ impl CentroidalMpc {
         &self.settings
     }
 
-    /// Returns the steps of the horizon, to be written before [`solve`](Self::solve).
+    /// Returns the steps of the horizon, to be filled in before [`solve`](Self::solve).
     pub fn horizon_mut(&mut self) -> &mut [HorizonStep] {
         &mut self.horizon
     }
@@ -92,12 +93,12 @@ impl CentroidalMpc {
         self.solver.reset();
     }
 
-    /// Computes the forces of the horizon from `state`, `elapsed` seconds after the previous one. `inertia`
-    /// is the whole robot's, about its centre of mass in world axes \[kg m2\], at the reference's `heading`
-    /// \[rad\].
+    /// Computes the forces of the horizon from `state`, `elapsed` seconds after the previous solve. `inertia`
+    /// is the inertia of the whole robot about its centre of mass in world axes \[kg m2\], at the reference's
+    /// `heading` \[rad\].
     ///
     /// # Errors
-    /// [`SolveError`]. Zero force is always feasible, so a horizon is never infeasible.
+    /// [`SolveError`] from the solver. Never infeasible, because zero force satisfies all constraints.
     pub fn solve(
         &mut self,
         state: &CentroidalState,
@@ -116,12 +117,12 @@ impl CentroidalMpc {
         Ok(())
     }
 
-    /// Returns the force at a point in a step of the horizon, in world axes \[N\], from the last solution.
+    /// Returns the force at contact point `point` in step `step` of the last solution, in world axes \[N\].
     pub fn force(&self, step: usize, point: usize) -> Vector3<f64> {
         self.forces[step * self.points + point]
     }
 
-    /// Returns the predicted states from the beginning to the end of the horizon, from the last solution.
+    /// Returns the predicted states of the last solution, from the beginning to the end of the horizon.
     pub fn predicted(&self) -> &[CentroidalState] {
         &self.predicted
     }

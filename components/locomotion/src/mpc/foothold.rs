@@ -9,9 +9,9 @@ use super::GroundPlane;
 pub struct FootPlan {
     /// Centre of mass at touchdown \[m\].
     pub position: Vector3<f64>,
-    /// Current velocity and reference velocity \[m/s\].
+    /// Current velocity of the centre of mass \[m/s\].
     pub velocity: Vector3<f64>,
-    /// Velocity of the reference \[m/s\].
+    /// Reference velocity of the centre of mass \[m/s\].
     pub desired: Vector3<f64>,
     /// Heading in the middle of the following stance \[rad\].
     pub heading: f64,
@@ -21,13 +21,13 @@ pub struct FootPlan {
     pub height: f64,
     /// Gravitational acceleration \[m/s2\].
     pub gravity: f64,
-    /// The ground.
+    /// Ground on which the foot lands.
     pub ground: GroundPlane,
 }
 
-/// Returns the foothold of a swing: below the foot's rest position in the middle of the following stance,
-/// where `rest` is its offset from the centre of mass in heading axes. The capture-point correction of a
-/// velocity error is added, limited to `most`.
+/// Returns the foothold of a swing in world axes \[m\]. The foot lands below its rest position as predicted
+/// for the middle of the following stance; `rest` is that position relative to the centre of mass, in heading
+/// axes \[m\]. A capture-point correction of the velocity error is added, at most `most` \[m\] long.
 ///
 /// ```text
 /// p = c + R(heading) rest + T / 2 v* + cut(sqrt(height / g) (v - v*), most)       x and y;   z: the ground's
@@ -75,21 +75,21 @@ pub fn foothold(plan: &FootPlan, rest: &Vector3<f64>, most: f64) -> Vector3<f64>
 ///                                                                    s: share of the swing
 /// ```
 ///
-/// The motion starts and ends at rest, with zero acceleration.
+/// The trajectory starts and ends at rest, with zero acceleration.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Swing {
     /// Position at lift-off \[m\].
     pub from: Vector3<f64>,
     /// Foothold \[m\].
     pub to: Vector3<f64>,
-    /// Height at mid-swing \[m\].
+    /// Height of the foot at mid-swing \[m\].
     pub clearance: f64,
     /// Duration of the whole swing \[s\].
     pub time: f64,
 }
 
 impl Swing {
-    /// Returns position \[m\] and velocity \[m/s\] after `elapsed` seconds.
+    /// Returns the position \[m\] and velocity \[m/s\] of the foot `elapsed` seconds after lift-off.
     pub fn point_at(&self, elapsed: f64) -> (Vector3<f64>, Vector3<f64>) {
         let s = (elapsed / self.time).clamp(0.0, 1.0);
         let way = s * s * s * (10.0 + s * (6.0 * s - 15.0));

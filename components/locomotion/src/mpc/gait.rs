@@ -21,19 +21,19 @@ pub struct Gait {
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum GaitError {
     /// The period is not positive.
-    #[error("a period of {0} s, expected more than 0")]
+    #[error("the gait has a period of {0} s, expected more than 0 s")]
     Period(f64),
-    /// The duty is not a fraction of the period.
+    /// The duty factor is not a fraction of the period.
     #[error("a foot is in stance for a fraction {0} of the period, expected more than 0 and less than 1")]
     Duty(f64),
     /// The offset is not a fraction of the period.
-    #[error("an offset of {0} periods, expected from 0 to 1")]
+    #[error("a foot has an offset of {0} periods, expected from 0 to 1")]
     Offset(f64),
 }
 
 impl Gait {
     /// Creates a gait with this period \[s\]. Each foot is in stance for the fraction `duty` of the period,
-    /// starting at its phase in `offsets`.
+    /// starting at its phase in `offsets` (fractions of the period).
     ///
     /// # Errors
     /// [`GaitError`].
@@ -50,12 +50,12 @@ impl Gait {
         }
     }
 
-    /// Returns the duration of a foot's swing \[s\].
+    /// Returns the duration of each swing \[s\].
     pub fn swing_time(&self) -> f64 {
         (1.0 - self.duty) * self.period
     }
 
-    /// Returns the duration of a foot's stance \[s\].
+    /// Returns the duration of each stance \[s\].
     pub fn stance_time(&self) -> f64 {
         self.duty * self.period
     }
@@ -73,7 +73,7 @@ impl Gait {
     }
 }
 
-/// A gait with a start and an end. All feet are in stance before and after.
+/// A gait that can be started and stopped. All feet are in stance before the start and after the end.
 ///
 /// A foot that would be in mid-swing at the start stays in stance until its next swing. A foot in the air at
 /// the end lands as planned. The executed schedule therefore matches the predicted schedule.
@@ -88,7 +88,7 @@ pub struct Stepping {
 const SAME: f64 = 1e-9;
 
 impl Stepping {
-    /// Starts in stance on all feet.
+    /// Creates a stopped gait, with all feet in stance.
     pub fn new(gait: Gait) -> Self {
         Self { gait, began: None, ends: None }
     }
@@ -98,7 +98,7 @@ impl Stepping {
         &self.gait
     }
 
-    /// Starts or stops stepping at `time` \[s\]; no effect if already in that state.
+    /// Starts (`steps` is `true`) or stops stepping at `time` \[s\]. No effect if already in that state.
     pub fn set(&mut self, steps: bool, time: f64) {
         match (steps, self.began, self.ends) {
             // stepping starts again once all feet have landed
@@ -116,7 +116,8 @@ impl Stepping {
         (self.began, self.ends) = (None, None);
     }
 
-    /// Returns start and end of the swing of `foot` at `time` \[s\]; `None` during stance.
+    /// Returns the start and end of the swing of `foot` that is in progress at `time` \[s\]; `None` during
+    /// stance.
     pub fn swing(&self, foot: usize, time: f64) -> Option<(f64, f64)> {
         let start = self.began?;
         let began = start + self.gait.swing_began(foot, time - start + SAME)?;
@@ -124,7 +125,8 @@ impl Stepping {
         swings.then(|| (began, began + self.gait.swing_time()))
     }
 
-    /// Returns the start of the next swing of a foot in stance at `time` \[s\]; infinite if there is none.
+    /// Returns the start of the next swing of a foot that is in stance at `time` \[s\]; infinite if no swing
+    /// follows.
     pub fn lifts(&self, foot: usize, time: f64) -> f64 {
         let Some(start) = self.began else { return f64::INFINITY };
         let gait = &self.gait;

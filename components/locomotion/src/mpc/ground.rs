@@ -23,7 +23,7 @@ pub enum GroundModel {
     },
 }
 
-/// A plane that is not vertical: `z = height + slope (x, y)`.
+/// A plane `z = height + slope . (x, y)`, which cannot be vertical.
 ///
 /// ```
 /// use motorium_locomotion::mpc::GroundPlane;
@@ -43,7 +43,7 @@ pub struct GroundPlane {
 }
 
 impl GroundPlane {
-    /// Returns the plane with this normal through a point.
+    /// Creates the plane through `point` with this normal.
     pub fn through(point: &Vector3<f64>, normal: &Vector3<f64>) -> Self {
         let slope = -normal.xy() / normal.z.max(f64::MIN_POSITIVE);
         Self { height: point.z - slope.dot(&point.xy()), slope }
@@ -54,7 +54,7 @@ impl GroundPlane {
         self.height + self.slope.dot(place)
     }
 
-    /// Slopes along x and y.
+    /// Returns the slopes along x and y.
     pub fn slope(&self) -> &Vector2<f64> {
         &self.slope
     }
@@ -76,13 +76,13 @@ impl GroundPlane {
         }
     }
 
-    /// Returns two tangents and the normal, as columns.
+    /// Returns two tangents and the normal of the plane, as columns.
     pub fn axes(&self) -> Matrix3<f64> {
         self.tilt().into_inner()
     }
 
-    /// Moves towards the least-squares plane of the given positions by the fraction `share`, 0 to 1. A slope
-    /// that is unobservable, because the positions are collinear or coincide, is kept.
+    /// Moves the plane by the fraction `share` (0 to 1) towards the least-squares plane of the given
+    /// positions. If the positions coincide or are collinear, slopes that they do not determine are kept.
     pub fn fit(&mut self, places: impl Iterator<Item = Vector3<f64>> + Clone, share: f64) {
         let (sum, count) =
             places.clone().fold((Vector3::zeros(), 0.0), |(sum, n), place| (sum + place, n + 1.0));

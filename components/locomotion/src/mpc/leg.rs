@@ -11,10 +11,10 @@ use super::{GroundPlane, Stepping, Swing};
 pub struct PlannedFoot {
     /// Frame of the foot.
     pub frame: FrameId,
-    /// Contact points relative to the ground below the frame's origin, in its axes \[m\]: the corners of a
-    /// sole, or zero alone.
+    /// Contact points in the axes of the frame, relative to the ground point below the frame's origin \[m\]:
+    /// the corners of a sole, or one point at zero.
     pub points: Vec<Vector3<f64>>,
-    /// Distance from the frame's origin down to the ground: the radius of a ball \[m\].
+    /// Distance from the frame's origin down to the ground \[m\]: the radius of a ball-shaped foot.
     pub radius: f64,
     /// Coefficient of friction.
     pub friction: f64,
@@ -25,12 +25,12 @@ with_defaults! {
     #[derive(Clone, Copy, Debug, PartialEq)]
     pub struct Landing;
 
-    /// Fraction of a swing after which a contact ends it, 0 to 1. Default 0.5.
+    /// Fraction of a swing after which a contact ends the swing, 0 to 1. Default 0.5.
     pub early_from: f64 = 0.5;
     /// Speed at which a foot without contact at the end of its swing is lowered to find the ground \[m/s\].
     /// Default 0.3.
     pub search_speed: f64 = 0.3;
-    /// Maximum duration of this search \[s\]; then the foot counts as standing. Default 0.08.
+    /// Maximum duration of this search \[s\], after which the foot counts as standing. Default 0.08.
     pub search_for: f64 = 0.08;
 }
 

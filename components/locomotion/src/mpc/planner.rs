@@ -14,32 +14,32 @@ use super::{
 /// Settings of a [`LegPlanner`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlannerSettings {
-    /// Settings of the horizon; the mass comes from the model.
+    /// Settings of the centroidal controller; its mass is replaced by the model's.
     pub mpc: MpcSettings,
-    /// Time between two solutions \[s\]; 0 solves in each step.
+    /// Interval between two solutions \[s\]; 0 solves in each step.
     pub solve_every: f64,
-    /// Largest acceleration of the reference \[m/s2, rad/s2\].
+    /// Maximum acceleration of the reference \[m/s2, rad/s2\].
     pub acceleration: f64,
     /// Height of the centre of mass above the ground \[m\]; `None` uses the height of the rest pose.
     pub height: Option<f64>,
     /// Maximum horizontal distance between the reference and the measured centre of mass \[m\].
     pub max_lead: f64,
-    /// Largest angle between the reference and the measured heading \[rad\].
+    /// Maximum angle between the reference and the measured heading \[rad\].
     pub max_turn: f64,
     /// Height of a foot at mid-swing \[m\].
     pub clearance: f64,
-    /// Largest correction of a foothold against a velocity error \[m\].
+    /// Maximum correction of a foothold against a velocity error \[m\].
     pub max_capture: f64,
-    /// Duration over which a foot is loaded or unloaded \[s\].
+    /// Duration over which a foot is loaded after touchdown and unloaded before lift-off \[s\].
     pub ramp: f64,
-    /// Ground model.
+    /// Ground model used by the planner.
     pub ground: GroundModel,
     /// Reaction to early and late touchdown.
     pub landing: Landing,
 }
 
-/// A planner of foot forces (by [`CentroidalMpc`]), contacts (by a gait) and the swings between them. Nothing
-/// allocates after construction.
+/// A planner for a legged robot. It computes foot forces (by [`CentroidalMpc`]), contacts (by a gait) and the
+/// swings between contacts. Only construction allocates.
 #[derive(Debug)]
 pub struct LegPlanner {
     settings: PlannerSettings,
@@ -60,7 +60,7 @@ pub struct LegPlanner {
 
 impl LegPlanner {
     /// Creates a planner for these feet of `model`, a floating-base robot that stands on them in the
-    /// configuration `rest` (nq).
+    /// configuration `rest` (length nq).
     pub fn new(
         model: &Model,
         feet: Vec<PlannedFoot>,
@@ -113,16 +113,17 @@ impl LegPlanner {
         self.find_ground(1.0);
     }
 
-    /// Sets the measured contact of a foot from the next step; with `None` only the gait is used.
+    /// Sets the measured contact of a foot from the next step on. `None` means no measurement; the gait alone
+    /// then determines the contact.
     pub fn set_touching(&mut self, foot: usize, touches: Option<bool>) {
         self.legs[foot].touches = touches;
     }
 
-    /// Plans a step of `dt` seconds from the measured state: stepping at the target velocity `desired`, or
-    /// standing on all feet.
+    /// Plans a step of `dt` seconds from the measured state. The robot steps at the target velocity `desired`
+    /// if `strides` is `true`, and otherwise stands on all feet.
     ///
     /// # Errors
-    /// [`SolveError`]; the previous forces remain valid.
+    /// [`SolveError`] from the solver; the previous forces remain valid.
     pub fn step(
         &mut self,
         state: &MotionState<'_>,
@@ -168,7 +169,7 @@ impl LegPlanner {
         solved
     }
 
-    /// Returns the load fraction of a foot; 0 during its swing.
+    /// Returns the load fraction of a foot, from 0 (during its swing) to 1.
     pub fn load(&self, foot: usize) -> f64 {
         self.legs[foot].load
     }
@@ -196,7 +197,7 @@ impl LegPlanner {
         (Isometry3::from_parts(translation.into(), self.reference.orientation(0.0).into()), velocity)
     }
 
-    /// Returns the number of swings of a foot.
+    /// Returns the number of swings performed by a foot.
     pub fn swings(&self, foot: usize) -> u64 {
         self.legs[foot].swings
     }
@@ -211,12 +212,12 @@ impl LegPlanner {
         &self.reference
     }
 
-    /// Returns the state at the last step.
+    /// Returns the centroidal state at the last step.
     pub fn state(&self) -> &CentroidalState {
         &self.state
     }
 
-    /// Returns the controller of the horizon.
+    /// Returns the centroidal controller.
     pub fn mpc(&self) -> &CentroidalMpc {
         &self.mpc
     }

@@ -6,12 +6,12 @@ use nalgebra::{Rotation2, Rotation3, Vector2, Vector3};
 
 use super::GroundPlane;
 
-/// A planar velocity, in the axes of a heading.
+/// A planar velocity in heading axes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PlanarVelocity {
-    /// Forward and to the left \[m/s\].
+    /// Velocity forwards and to the left \[m/s\].
     pub linear: Vector2<f64>,
-    /// About the vertical \[rad/s\].
+    /// Angular velocity about the vertical \[rad/s\].
     pub yaw_rate: f64,
 }
 
@@ -52,7 +52,7 @@ impl Reference {
         }
     }
 
-    /// Starts at rest below `centre`, with this heading \[rad\].
+    /// Places the reference at rest at the horizontal position of `centre`, with this heading \[rad\].
     pub fn begin(&mut self, centre: &Vector3<f64>, heading: f64) {
         (self.place, self.heading) = (centre.xy(), heading);
         self.velocity = PlanarVelocity::default();
@@ -63,8 +63,8 @@ impl Reference {
         self.ground = ground;
     }
 
-    /// Ramps the velocity towards `desired` for `dt` seconds, limited by `acceleration` \[m/s2, rad/s2\],
-    /// without moving.
+    /// Ramps the velocity towards `desired` for `dt` seconds, limited by `acceleration` \[m/s2, rad/s2\]. The
+    /// position does not change; see [`advance`](Self::advance).
     pub fn follow(&mut self, desired: &PlanarVelocity, acceleration: f64, dt: f64) {
         let step = acceleration * dt;
         let change = desired.linear - self.velocity.linear;
@@ -73,8 +73,8 @@ impl Reference {
         self.velocity.yaw_rate += (desired.yaw_rate - self.velocity.yaw_rate).clamp(-step, step);
     }
 
-    /// Moves by `dt` seconds and limits the distance from the measured centre of mass \[m\] and heading
-    /// \[rad\].
+    /// Moves the reference by `dt` seconds. Its distance from the `measured` centre of mass is limited to
+    /// `most` \[m\], and its angle from the measured heading `turned` \[rad\] to `most_turn` \[rad\].
     pub fn advance(
         &mut self,
         dt: f64,
@@ -93,8 +93,8 @@ impl Reference {
         (self.place, self.heading) = (measured + lead, heading - beyond);
     }
 
-    /// Returns position \[m\], velocity \[m/s\] and heading \[rad\] after `time` seconds at the current
-    /// velocity, along a circular arc.
+    /// Returns the position \[m\], velocity \[m/s\] and heading \[rad\] of the reference `time` seconds
+    /// later, along a circular arc at the current velocity.
     pub fn after(&self, time: f64) -> (Vector3<f64>, Vector3<f64>, f64) {
         let PlanarVelocity { linear, yaw_rate } = self.velocity;
         let turn = yaw_rate * time;
@@ -121,15 +121,15 @@ impl Reference {
         self.heading
     }
 
-    /// Returns the orientation of a base parallel to the ground after `time` seconds; seen from above, its x
+    /// Returns the orientation `time` seconds later of a base parallel to the ground. Seen from above, its x
     /// axis points along the heading.
     pub fn orientation(&self, time: f64) -> Rotation3<f64> {
         let (ahead, normal) = (self.ahead(time).normalize(), self.ground.normal());
         Rotation3::from_basis_unchecked(&[ahead, normal.cross(&ahead), normal])
     }
 
-    /// Returns the angular velocity of a base parallel to the ground after `time` seconds \[rad/s\]: about
-    /// the ground normal, so that the heading changes at the yaw rate.
+    /// Returns the angular velocity `time` seconds later of a base parallel to the ground \[rad/s\]. Its axis
+    /// is the ground normal; its magnitude makes the heading change at the yaw rate.
     pub fn angular_velocity(&self, time: f64) -> Vector3<f64> {
         // seen from above, a rotation by `t` about the normal changes the heading by `t normal_z |ahead|^2`
         let normal = self.ground.normal();

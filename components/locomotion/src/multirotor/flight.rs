@@ -7,36 +7,36 @@ use nalgebra::{Isometry3, Matrix3, Rotation3, Vector3};
 pub struct Flight {
     /// Mass \[kg\].
     pub mass: f64,
-    /// Inertia about the centre of mass, axes of the base \[kg m2\].
+    /// Inertia about the centre of mass in base axes \[kg m2\].
     pub inertia: Matrix3<f64>,
-    /// Gravitational acceleration, along -z of the world \[m/s2\].
+    /// Gravitational acceleration along -z of the world \[m/s2\].
     pub gravity: f64,
 }
 
-/// Gains and limits.
+/// Gains and limits of [`FlightControl`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FlightSettings {
     /// Bandwidth of the critically damped position control \[rad/s\].
     pub position: f64,
-    /// Bandwidth of the critically damped attitude control \[rad/s\]; should be several times the position
+    /// Bandwidth of the critically damped attitude control \[rad/s\]. Should be several times the position
     /// bandwidth.
     pub attitude: f64,
     /// Rate of integral action on a persistent position error \[1/s\].
     pub integral: f64,
-    /// Largest tilt of the thrust from the vertical \[rad\].
+    /// Maximum tilt of the thrust from the vertical \[rad\].
     pub max_tilt: f64,
     /// Minimum and maximum thrust \[N\].
     pub thrust: [f64; 2],
 }
 
-/// Desired position of the base.
+/// Desired motion of the base.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct FlightTarget {
     /// Position \[m\].
     pub position: Vector3<f64>,
-    /// Velocity \[m/s\], world axes.
+    /// Velocity in world axes \[m/s\].
     pub velocity: Vector3<f64>,
-    /// Acceleration \[m/s2\], world axes, fed forward.
+    /// Acceleration in world axes \[m/s2\], fed forward.
     pub acceleration: Vector3<f64>,
     /// Yaw \[rad\] and yaw rate \[rad/s\].
     pub yaw: [f64; 2],
@@ -65,8 +65,9 @@ impl FlightControl {
         self.lasting = Vector3::zeros();
     }
 
-    /// Returns the thrust along z of the base \[N\] and the torque in base axes \[Nm\]. `pose` and the
-    /// velocities \[m/s, rad/s\], in base axes, are measured after a time step \[s\].
+    /// Returns the thrust along z of the base \[N\] and the torque in base axes \[Nm\]. `pose`, `velocity`
+    /// \[m/s\] and `angular` \[rad/s\] are measured, the velocities in base axes. `dt` is the time since the
+    /// previous update \[s\].
     pub fn update(
         &mut self,
         target: &FlightTarget,

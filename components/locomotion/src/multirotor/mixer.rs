@@ -7,11 +7,12 @@ use nalgebra::{DMatrix, Matrix4, Vector3, Vector4};
 pub struct Propeller {
     /// Position \[m\].
     pub position: Vector3<f64>,
-    /// Direction of thrust, a unit vector.
+    /// Unit vector along which the rotor pushes the robot.
     pub direction: Vector3<f64>,
-    /// Largest thrust \[N\].
+    /// Maximum thrust \[N\].
     pub max_thrust: f64,
-    /// Torque about the direction per thrust \[m\]; a positive one turns the robot counterclockwise.
+    /// Torque about `direction` per unit of thrust \[Nm/N\]. A positive value turns the robot
+    /// counterclockwise.
     pub torque_per_thrust: f64,
 }
 
@@ -19,13 +20,13 @@ pub struct Propeller {
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum MixerError {
     /// The robot has too few rotors.
-    #[error("{found} rotors, expected at least 4: thrust and three torques are four numbers")]
+    #[error("found {found} rotors, expected at least 4 to control the thrust and three torques")]
     Few {
         /// Number of rotors.
         found: usize,
     },
     /// Positions and spin directions leave some torque unavailable.
-    #[error("the positions and spin directions of the rotors leave a torque that they cannot produce")]
+    #[error("the rotors cannot produce every torque, because of their positions and spin directions")]
     Dependent,
 }
 
@@ -43,7 +44,8 @@ impl Mixer {
     /// Creates a mixer for the rotors of a robot.
     ///
     /// # Errors
-    /// [`MixerError`]: there are too few rotors, or their arrangement leaves some torque unavailable.
+    /// [`MixerError`] if there are fewer than four rotors, or their arrangement leaves some torque
+    /// unavailable.
     pub fn new(rotors: &[Propeller]) -> Result<Self, MixerError> {
         if rotors.len() < 4 {
             return Err(MixerError::Few { found: rotors.len() });
@@ -82,7 +84,7 @@ impl Mixer {
         self.effect.row(0).iter().zip(&self.most).map(|(effect, most)| effect.max(0.0) * most).sum()
     }
 
-    /// Returns the thrust along z \[N\] and the torque \[Nm\] for given rotor thrusts.
+    /// Returns the thrust along z \[N\] and the torque \[Nm\] that rotor thrusts \[N\] produce.
     pub fn effect(&self, thrusts: &[f64]) -> (f64, Vector3<f64>) {
         let row = |row: usize| {
             self.effect.row(row).iter().zip(thrusts).map(|(effect, thrust)| effect * thrust).sum()
@@ -90,9 +92,10 @@ impl Mixer {
         (row(0), Vector3::new(row(1), row(2), row(3)))
     }
 
-    /// Distributes a thrust \[N\] and a torque \[Nm\] among the rotors. Each rotor stays between zero and its
-    /// maximum thrust. The torque about z is reduced first, then the torques about x and y, and the thrust
-    /// only if it exceeds the rotors' total. Returns `true` if nothing was reduced.
+    /// Distributes a thrust \[N\] and a torque \[Nm\] among the rotors, each between zero and its maximum
+    /// thrust. Writes one thrust per rotor to `thrusts` \[N\]. If the request is infeasible, the torque about
+    /// z is reduced first, then the torques about x and y. The thrust is reduced only if it exceeds the
+    /// rotors' total. Returns `true` if nothing was reduced.
     pub fn mix(&self, thrust: f64, torque: &Vector3<f64>, thrusts: &mut [f64]) -> bool {
         let mut whole = true;
         for (rotor, out) in thrusts.iter_mut().enumerate() {

@@ -10,59 +10,59 @@ with_defaults! {
     #[derive(Clone, Copy, Debug, PartialEq)]
     pub struct Wheel;
 
-    /// Position of the centre \[m\].
+    /// Position of the wheel centre \[m\].
     pub position: [f64; 2] = [0.0; 2];
-    /// Radius \[m\].
+    /// Radius of the wheel \[m\].
     pub radius: f64 = 1.0;
     /// `true` if the wheel is steered.
     pub steered: bool = false;
-    /// Tangent of the angle of the rollers of a mecanum wheel: 1 or -1; 0 for a plain wheel.
+    /// Tangent of the roller angle of a mecanum wheel, 1 or -1; 0 for a plain wheel.
     pub rollers: f64 = 0.0;
 }
 
-/// Kind of base.
+/// Drive type of a wheeled base.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BaseKind {
-    /// Wheels on one axle, or in two rows, with independent speeds.
+    /// Wheels on one axle, or in a left and a right row, with independent speeds.
     Differential,
-    /// Steered wheels that aim at one centre on the axle line of the fixed wheels.
+    /// Steered wheels whose axes meet in one centre of rotation on the axle line of the fixed wheels.
     Ackermann,
-    /// Mecanum wheels: any planar velocity.
+    /// Mecanum wheels, which allow any planar velocity.
     Mecanum,
     /// Three joints that form the pose of the base: x, y, yaw.
     Planar,
 }
 
-/// Invalid wheels for the kind of base.
+/// Error of wheels that do not suit the kind of base.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum WheelError {
     /// There are too few fixed wheels.
-    #[error("{found} fixed wheels, expected at least two, one on each side")]
+    #[error("found {found} fixed wheels, expected at least two, one on each side")]
     Fixed {
         /// Number of fixed wheels.
         found: usize,
     },
     /// There is no steered wheel.
-    #[error("no steered wheel, expected at least one")]
+    #[error("found no steered wheel, expected at least one")]
     Steered,
     /// All fixed wheels are on one line along x.
-    #[error("all fixed wheels are in one line, so their speeds do not determine how the base turns")]
+    #[error("all fixed wheels are on one line, so their speeds do not determine the rotation of the base")]
     OneLine,
     /// A steered wheel is on the axle of the fixed wheels.
-    #[error("steered wheel {wheel} is on the axle of the fixed wheels: it cannot steer")]
+    #[error("steered wheel {wheel} is on the axle of the fixed wheels, where it cannot steer the base")]
     OnAxle {
         /// Index of the wheel.
         wheel: usize,
     },
-    /// The speeds of the Mecanum wheels do not determine the velocity.
+    /// The speeds of the mecanum wheels do not determine the velocity of the base.
     #[error("the positions of the mecanum wheels do not determine the velocity of the base")]
     Mecanum,
-    /// A radius is invalid.
-    #[error("a radius of {found} m of wheel {wheel}, expected a positive number")]
+    /// A radius is not positive.
+    #[error("wheel {wheel} has a radius of {found} m, expected a positive number")]
     Radius {
         /// Index of the wheel.
         wheel: usize,
-        /// The radius found.
+        /// Radius found \[m\].
         found: f64,
     },
 }
@@ -82,12 +82,12 @@ impl WheelBase {
     /// Creates a base with fixed wheels.
     ///
     /// # Errors
-    /// [`WheelError`] if there are fewer than two wheels, or all are on one line.
+    /// [`WheelError`] if there are fewer than two wheels, or all are on one line along x.
     pub fn differential(wheels: Vec<Wheel>) -> Result<Self, WheelError> {
         Self::rolling(BaseKind::Differential, wheels)
     }
 
-    /// Creates a base with fixed and steered wheels, all of which may be driven.
+    /// Creates a base with fixed and steered wheels, any of which may be driven.
     ///
     /// # Errors
     /// [`WheelError`] if there is no steered wheel, one is on the axle of the fixed wheels, or there are too
@@ -124,8 +124,8 @@ impl WheelBase {
         Ok(Self { kind: BaseKind::Mecanum, wheels, axle: 0.0, ways })
     }
 
-    /// Creates a base whose pose is given by three joints, x, y and yaw. Their velocities are treated like
-    /// wheel velocities.
+    /// Creates a base whose pose is given by three joints, x, y and yaw. Their velocities are treated as
+    /// wheel speeds.
     pub fn planar() -> Self {
         let ways = vec![Vector3::x(), Vector3::y(), Vector3::z()];
         Self { kind: BaseKind::Planar, wheels: vec![Wheel::default(); 3], axle: 0.0, ways }
@@ -157,18 +157,18 @@ impl WheelBase {
         Ok(Self { kind, wheels, axle, ways })
     }
 
-    /// Kind of base.
+    /// Returns the kind of base.
     pub fn kind(&self) -> BaseKind {
         self.kind
     }
 
-    /// Wheels of the base.
+    /// Returns the wheels of the base.
     pub fn wheels(&self) -> &[Wheel] {
         &self.wheels
     }
 
-    /// Projects `twist` to the velocities at which the wheels can roll. A base that cannot move sideways has
-    /// no lateral velocity at the axle. Curvature limits of a steered base are in
+    /// Projects `twist` onto the velocities that the wheels allow without slip. A base that cannot move
+    /// sideways has no lateral velocity at the axle. Curvature limits of a steered base are in
     /// [`curvatures`](Self::curvatures).
     #[must_use]
     pub fn feasible(&self, twist: &PlanarTwist) -> PlanarTwist {
@@ -180,9 +180,9 @@ impl WheelBase {
         }
     }
 
-    /// Writes the speeds of the wheels \[rad/s\] for a velocity, at their steering angles \[rad\]; `steering`
-    /// may be empty without steered wheels. For a planar base with pose joints, writes the joint speeds at
-    /// yaw 0.
+    /// Writes the wheel speeds \[rad/s\] that move the base at `twist` with the given steering angles
+    /// \[rad\]. `steering` may be empty if no wheel is steered. For a planar base with pose joints, writes
+    /// the joint speeds at yaw 0.
     pub fn speeds(&self, twist: &PlanarTwist, steering: &[f64], speeds: &mut [f64]) {
         if self.kind == BaseKind::Planar {
             speeds.copy_from_slice(&[twist.x, twist.y, twist.yaw]);
@@ -199,8 +199,8 @@ impl WheelBase {
         }
     }
 
-    /// Returns the angle of a steered wheel \[rad\] for a path curvature at the middle of the axle \[1/m\]; 0
-    /// for a fixed wheel.
+    /// Returns the angle of a steered wheel \[rad\] for a path curvature \[1/m\] at the middle of the axle.
+    /// Returns 0 for a fixed wheel.
     pub fn steering(&self, wheel: usize, curvature: f64) -> f64 {
         let Wheel { position: [x, y], steered, .. } = self.wheels[wheel];
         if !steered {
@@ -209,8 +209,8 @@ impl WheelBase {
         (curvature * (x - self.axle)).atan2(1.0 - curvature * y)
     }
 
-    /// Returns the range of curvatures \[1/m\] that a steered wheel reaches at its angles from `lower` to
-    /// `upper` \[rad\].
+    /// Returns the range of path curvatures \[1/m\] that a steered wheel allows at angles from `lower` to
+    /// `upper` \[rad\]; unlimited for a fixed wheel.
     pub fn curvatures(&self, wheel: usize, lower: f64, upper: f64) -> [f64; 2] {
         let Wheel { position: [x, y], steered, .. } = self.wheels[wheel];
         if !steered {
@@ -225,8 +225,8 @@ impl WheelBase {
         [one.min(other), one.max(other)]
     }
 
-    /// Returns the displacement of the base in its own axes, at constant velocity, for wheel rotations
-    /// \[rad\].
+    /// Returns the displacement of the base in its own axes after the wheels turned by the angles `turned`
+    /// \[rad\], at constant velocity.
     pub fn way(&self, turned: &[f64]) -> PlanarTwist {
         let way: Vector3<f64> = self.ways.iter().zip(turned).map(|(way, angle)| way * *angle).sum();
         PlanarTwist { x: way.x, y: way.y, yaw: way.z }

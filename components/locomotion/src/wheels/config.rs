@@ -18,9 +18,10 @@ with_defaults! {
     #[serde(default, deny_unknown_fields)]
     pub struct WheelsConfig;
 
-    /// Maximum rim speed of a wheel, m/s. Default: the joints' velocity limits, which always apply as well.
+    /// Maximum rim speed of a wheel, m/s. The velocity limits of the joints apply in any case. Default: no
+    /// further limit.
     pub speed: Option<f64> = None;
-    /// Largest acceleration of the rim of a wheel, m/s^2; for joints that form the pose of the base, m/s^2
+    /// Maximum acceleration of the rim of a wheel, m/s^2; for joints that form the pose of the base, m/s^2
     /// and rad/s^2. Acceleration limits of the profile apply as well. Default 1.
     pub acceleration: f64 = 1.0;
     /// Proportional gain of the wheels, N m/rad, which acts against friction. Default: the profile's gain, or
@@ -36,14 +37,14 @@ with_defaults! {
     /// Wheel slip assumed in the covariance of the odometry: standard deviation after 1 m travelled, m.
     /// Default 0.003.
     pub slip: f64 = 0.003;
-    /// Feed-forward effort that compensates the weight of held joints, such as an arm's. Default true.
+    /// Adds a feed-forward effort that compensates the weight of held joints, such as an arm's. Default true.
     pub gravity_compensation: bool = true;
     /// Gravitational acceleration in the world, m/s^2. Default: the value in the graph's `[world]`, or [0, 0,
     /// -9.81].
     pub gravity: [f64; 3] = [0.0, 0.0, -9.81];
-    /// Maximum age of the joint state; beyond it nothing is commanded. Default 10 ms.
+    /// Maximum age of the joint state. If the state is older, nothing is commanded. Default 10 ms.
     pub state_timeout: TimeSpan = TimeSpan { ns: 10_000_000 };
-    /// Age beyond which a target counts as zero, so that the base brakes. Default 100 ms.
+    /// Age beyond which a target counts as zero velocity, so that the base brakes. Default 100 ms.
     pub target_timeout: TimeSpan = TimeSpan { ns: 100_000_000 };
 }
 

@@ -2,11 +2,12 @@
 
 use super::{BaseKind, PlanarTwist, WheelBase, WheelLimits};
 
-/// Wheel speeds and steering angles that follow a velocity of the base within the limits of the wheels.
+/// Wheel speeds and steering angles that follow a velocity of the base within the wheels' limits.
 ///
-/// A velocity beyond the limits is reduced along the same arc. The wheels of a steered base turn towards the
-/// desired curvature at the rate of the slowest wheel; at rest they keep their angles. If the curvature
-/// exceeds the limit, the base drives the tightest possible arc at the commanded forward speed.
+/// A velocity beyond the limits is scaled down, which preserves the arc. The wheels of a steered base turn
+/// towards the desired curvature at the rate of the slowest wheel; at rest they keep their angles. If the
+/// desired curvature exceeds the limit, the base drives the tightest possible arc at the commanded forward
+/// speed.
 #[derive(Clone, Debug)]
 pub struct WheelDrive {
     base: WheelBase,
@@ -52,32 +53,32 @@ impl WheelDrive {
         }
     }
 
-    /// The base.
+    /// Returns the base.
     pub fn base(&self) -> &WheelBase {
         &self.base
     }
 
-    /// Wheel speeds \[rad/s\], or velocities of the pose joints \[m/s, rad/s\].
+    /// Returns the wheel speeds \[rad/s\], or the velocities of the pose joints \[m/s, rad/s\].
     pub fn speeds(&self) -> &[f64] {
         &self.speeds
     }
 
-    /// Steering angles \[rad\], 0 for fixed wheels.
+    /// Returns the steering angles \[rad\]; 0 for fixed wheels.
     pub fn steering(&self) -> &[f64] {
         &self.steering
     }
 
-    /// Rates of the steering angles \[rad/s\].
+    /// Returns the rates of the steering angles \[rad/s\].
     pub fn steering_rate(&self) -> &[f64] {
         &self.steering_rate
     }
 
-    /// Lowest and highest curvature \[1/m\].
+    /// Returns the lowest and highest curvature that the steering allows \[1/m\].
     pub fn curvatures(&self) -> [f64; 2] {
         self.curvatures
     }
 
-    /// Resets to rest, with the steered wheels at measured angles \[rad\].
+    /// Resets the drive to rest, with the steered wheels at the measured angles `steering` \[rad\].
     pub fn begin(&mut self, steering: &[f64]) {
         self.speeds.fill(0.0);
         self.steering_rate.fill(0.0);
@@ -96,8 +97,8 @@ impl WheelDrive {
         }
     }
 
-    /// Moves the wheel speeds towards a velocity, for a time step \[s\]. `yaw` is used by a base with pose
-    /// joints. Returns `true` once the velocity is reached.
+    /// Moves the wheel speeds towards the velocity `twist` for a time step `dt` \[s\]. `yaw` \[rad\] matters
+    /// only for a base with pose joints. Returns `true` once the velocity is reached.
     pub fn follow(&mut self, twist: &PlanarTwist, yaw: f64, dt: f64) -> bool {
         match self.base.kind() {
             BaseKind::Ackermann => self.follow_steered(twist, dt),

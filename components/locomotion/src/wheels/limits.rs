@@ -3,24 +3,24 @@
 /// Maximum speeds and accelerations of the wheels.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WheelLimits {
-    /// Largest speed of each wheel \[rad/s, or m/s\].
+    /// Maximum speed of each wheel \[rad/s, or m/s\].
     pub speed: Vec<f64>,
-    /// Largest acceleration of each wheel \[rad/s2, or m/s2\].
+    /// Maximum acceleration of each wheel \[rad/s2, or m/s2\].
     pub acceleration: Vec<f64>,
 }
 
 impl WheelLimits {
-    /// Returns the factor, at most 1, that brings every speed within its limit while preserving the ratios
-    /// and thus the curvature.
+    /// Returns the factor, at most 1, that scales all speeds to within their limits. A common factor
+    /// preserves the ratios of the speeds and therefore the curvature.
     pub fn speed_factor(&self, desired: &[f64]) -> f64 {
         let factor =
             |(desired, limit): (&f64, &f64)| if desired.abs() > *limit { limit / desired.abs() } else { 1.0 };
         desired.iter().zip(&self.speed).map(factor).fold(1.0, f64::min)
     }
 
-    /// Moves the wheel speeds from `speeds` towards `desired` within the acceleration limits. They keep the
-    /// desired curvature if it is reachable, and otherwise move on a straight line between old and new
-    /// speeds. Returns `true` if all speeds are reached.
+    /// Moves the wheel speeds from `speeds` towards `desired` within the acceleration limits for `dt`
+    /// seconds. The speeds keep the desired curvature if possible, and otherwise move on a straight line
+    /// between old and new speeds. Returns `true` if all speeds are reached.
     pub fn approach(&self, speeds: &mut [f64], desired: &[f64], dt: f64) -> bool {
         // factors of the desired speeds that every wheel can reach in this step
         let (mut least, mut most) = (0.0_f64, 1.0_f64);

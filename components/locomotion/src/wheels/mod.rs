@@ -63,19 +63,19 @@ impl PlanarTwist {
     }
 }
 
-/// A planar pose. The angle counts whole turns.
+/// A planar pose. The angle is unwrapped: it includes whole turns.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PlanarPose {
-    /// Along x \[m\].
+    /// Position along x \[m\].
     pub x: f64,
-    /// Along y \[m\].
+    /// Position along y \[m\].
     pub y: f64,
-    /// About z \[rad\].
+    /// Angle about z \[rad\].
     pub yaw: f64,
 }
 
 impl PlanarPose {
-    /// Returns the pose after a displacement at constant velocity in base axes: the exponential of planar
+    /// Returns the pose after a displacement in base axes at constant velocity: the exponential of planar
     /// motions.
     #[must_use]
     pub fn after(self, way: &PlanarTwist) -> Self {

@@ -26,12 +26,14 @@ impl Default for Odometry {
 }
 
 impl Odometry {
-    /// Starts at an exactly known pose.
+    /// Creates an odometry that starts at an exactly known pose. `slip` is the standard deviation \[m\] after
+    /// 1 m travelled.
     pub fn new(pose: PlanarPose, slip: f64) -> Self {
         Self { pose, covariance: Matrix3::zeros(), distance: 0.0, slip }
     }
 
-    /// Adds the displacement for wheel rotations \[rad\] and returns it.
+    /// Advances the pose by the displacement for the wheel rotations `turned` \[rad\], and returns the
+    /// displacement.
     pub fn advance(&mut self, base: &WheelBase, turned: &[f64]) -> PlanarTwist {
         let way = base.way(turned);
         let slip = self.slip * self.slip;
@@ -50,13 +52,13 @@ impl Odometry {
         way
     }
 
-    /// Continues from an earlier odometry.
+    /// Creates an odometry that continues from an earlier pose, covariance and distance travelled \[m\].
     pub fn resumed(pose: PlanarPose, covariance: Matrix3<f64>, distance: f64, slip: f64) -> Self {
         Self { pose, covariance, distance, slip }
     }
 
-    /// Sets a pose measured by joints, which has no wheel error. `moved` is `true` if the base moved since
-    /// the previous pose.
+    /// Sets a pose measured by pose joints, which has no wheel error. `moved` is `true` if the base moved
+    /// since the previous pose.
     pub fn set_pose(&mut self, pose: PlanarPose, moved: bool) {
         if moved {
             self.distance += (pose.x - self.pose.x).hypot(pose.y - self.pose.y);
@@ -64,17 +66,17 @@ impl Odometry {
         self.pose = pose;
     }
 
-    /// The pose.
+    /// Returns the pose.
     pub fn pose(&self) -> PlanarPose {
         self.pose
     }
 
-    /// Covariance of x, y \[m2\] and yaw \[rad2\].
+    /// Returns the covariance of x, y \[m2\] and yaw \[rad2\].
     pub fn covariance(&self) -> &Matrix3<f64> {
         &self.covariance
     }
 
-    /// Total distance travelled by the base's origin \[m\].
+    /// Returns the total distance travelled by the base's origin \[m\].
     pub fn distance(&self) -> f64 {
         self.distance
     }

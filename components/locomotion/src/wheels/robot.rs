@@ -10,16 +10,16 @@ use super::{BaseKind, PlanarTwist, Wheel, WheelBase, WheelDrive, WheelError, Whe
 /// Ratio of proportional to derivative gain for wheels without a gain in the profile, 1/s.
 const KP_PER_KD: f64 = 20.0;
 
-/// A joint of the base.
+/// A joint that moves the base.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BaseJoint {
-    /// Index of the joint in the robot.
+    /// Index of the joint among the robot's joints.
     pub index: usize,
-    /// 1, or -1 for an axis opposite to the base's convention.
+    /// Sign of the joint's axis: 1, or -1 if it is opposite to the base's convention.
     pub sign: f64,
 }
 
-/// A robot without wheels that can be controlled.
+/// Error of a robot whose wheels cannot be controlled.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum RobotWheelsError {
     /// The profile of the robot has no mobile base.
@@ -39,13 +39,13 @@ pub enum RobotWheelsError {
     /// The mobile base names an unknown frame.
     #[error(transparent)]
     Frame(#[from] UnknownFrame),
-    /// A base with pose joints has another number of them.
-    #[error("{found} joints of [mobile_base], expected 3: x, y, yaw")]
+    /// The number of pose joints is not 3.
+    #[error("[mobile_base] has {found} joints, expected 3: x, y, yaw")]
     PoseJoints {
         /// Number of joints.
         found: usize,
     },
-    /// All wheels steer independently.
+    /// All wheels steer independently, which is not supported.
     #[error("every wheel of robot `{robot}` steers independently, which this controller does not support")]
     Independent {
         /// Name of the robot.
@@ -68,7 +68,7 @@ pub enum RobotWheelsError {
 }
 
 impl RobotWheelsError {
-    /// Returns an action that fixes the robot, if one is known.
+    /// Returns an action that fixes the error, if one is known.
     pub fn help(&self) -> Option<&'static str> {
         match self {
             Self::Missing { .. } => {
@@ -81,10 +81,10 @@ impl RobotWheelsError {
     }
 }
 
-/// Setpoints of a robot's joints that move its base at a velocity: the control law of `control.wheels`.
+/// Joint setpoints that move the base of a robot at a given velocity: the control law of `control.wheels`.
 ///
-/// Wheels follow [`WheelDrive`] with setpoints of angle and speed; other joints hold their positions at the
-/// start. Only [`new`](Self::new) and [`clone`](Clone::clone) allocate.
+/// Wheels follow [`WheelDrive`] with setpoints of angle and speed. Other joints hold their initial positions.
+/// Only [`new`](Self::new) and [`clone`](Clone::clone) allocate.
 ///
 /// ```
 /// use motorium_locomotion::wheels::{PlanarTwist, RobotWheels, WheelsConfig};
@@ -123,7 +123,7 @@ pub struct RobotWheels {
 }
 
 impl RobotWheels {
-    /// Creates the controller of a robot, given by its name and its model, at rest.
+    /// Creates the controller of a robot at rest, given the robot's name and model.
     ///
     /// # Errors
     ///
@@ -166,12 +166,12 @@ impl RobotWheels {
         })
     }
 
-    /// The wheels and their limits.
+    /// Returns the wheel drive, with its limits.
     pub fn drive(&self) -> &WheelDrive {
         &self.drive
     }
 
-    /// The joint of every wheel, or the pose joints of a planar base.
+    /// Returns the joint of every wheel, or the pose joints of a planar base.
     pub fn wheels(&self) -> &[BaseJoint] {
         &self.wheels
     }
@@ -181,22 +181,22 @@ impl RobotWheels {
         self.wheels.iter().chain(self.steering.iter().flatten()).any(|own| own.index == joint)
     }
 
-    /// Gains of all joints.
+    /// Returns the gains of all joints.
     pub fn gains(&self) -> &Gains {
         &self.gains
     }
 
-    /// Position setpoints of all joints \[rad or m\].
+    /// Returns the position setpoints of all joints \[rad or m\].
     pub fn position(&self) -> &[f64] {
         &self.setpoint
     }
 
-    /// Velocity setpoints of all joints \[rad/s or m/s\].
+    /// Returns the velocity setpoints of all joints \[rad/s or m/s\].
     pub fn velocity(&self) -> &[f64] {
         &self.rate
     }
 
-    /// Feed-forward efforts of all joints \[Nm or N\]: gravity, and 0 for wheels.
+    /// Returns the feed-forward efforts of all joints \[Nm or N\]: gravity compensation, and 0 for wheels.
     pub fn effort(&self) -> &[f64] {
         &self.effort
     }
@@ -206,7 +206,7 @@ impl RobotWheels {
         self.setpoint[joint] = position;
     }
 
-    /// Starts at rest, with all joints at their measured positions.
+    /// Starts at rest, with all joints at their measured positions \[rad or m\].
     pub fn begin(&mut self, measured: &[f64]) {
         for (steered, joint) in self.steered.iter_mut().zip(&self.steering) {
             *steered = joint.map_or(0.0, |joint| joint.sign * measured[joint.index]);
@@ -216,8 +216,8 @@ impl RobotWheels {
         self.rate.fill(0.0);
     }
 
-    /// Advances all setpoints towards a velocity of the base, from the measured positions of the joints, by a
-    /// time step \[s\]. Returns `true` once the velocity is reached.
+    /// Advances all setpoints by a time step `dt` \[s\] towards the velocity `twist` of the base; `measured`
+    /// contains the joint positions \[rad or m\]. Returns `true` once the velocity is reached.
     pub fn follow(&mut self, twist: &PlanarTwist, measured: &[f64], dt: f64) -> bool {
         let yaw = match self.drive.base().kind() {
             BaseKind::Planar => self.wheels[2].sign * measured[self.wheels[2].index],

@@ -1,12 +1,12 @@
 //! Errors of Gaussian processes.
 
-/// An error of a Gaussian process.
+/// Error of a Gaussian process.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum GpError {
     /// The dimensions of the data do not match.
     #[error("found {found} {what}, expected {expected}")]
     Shape {
-        /// The counted quantity.
+        /// Name of the counted quantity.
         what: &'static str,
         /// Number found.
         found: usize,
@@ -16,16 +16,16 @@ pub enum GpError {
     /// A value is not finite.
     #[error("{what} {index} is {value}, expected a finite number")]
     NotFinite {
-        /// Quantity to which the value belongs.
+        /// Name of the quantity to which the value belongs.
         what: &'static str,
-        /// Index of the value.
+        /// Index of the invalid value.
         index: usize,
-        /// The value.
+        /// Value found.
         value: f64,
     },
     /// A hyperparameter is out of range, or the kernel does not match the inputs.
     #[error(
-        "the kernel or noise does not fit inputs of {dimensions} dimensions, expected positive finite parameters"
+        "the kernel does not match inputs of {dimensions} dimensions, or a parameter or the noise is not a positive finite number"
     )]
     Kernel {
         /// Number of input dimensions.
@@ -39,7 +39,7 @@ pub enum GpError {
     Factorisation {
         /// Number of points.
         points: usize,
-        /// Jitters tried.
+        /// Jitters added to the diagonal, all without success.
         tried: Vec<f64>,
     },
 }

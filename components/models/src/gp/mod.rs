@@ -53,7 +53,7 @@ pub(crate) fn release(logarithms: &[f64], gradient: &mut [f64]) {
     }
 }
 
-/// Gaussian process regression of one or several outputs that share a kernel.
+/// A Gaussian process regression of one or several outputs that share a kernel.
 #[derive(Clone, Debug)]
 pub struct GaussianProcess {
     kernel: Kernel,
@@ -74,10 +74,11 @@ pub struct Scratch {
 
 impl GaussianProcess {
     /// Creates a process from a noise variance and data. Each row of `x` is a point with `dimensions`
-    /// coordinates, and the same row of `y` has its `outputs` values.
+    /// coordinates. The same row of `y` contains the `outputs` values at this point.
     ///
     /// # Errors
-    /// If the sizes do not match, a value is not finite, or the covariance is not positive definite.
+    /// [`GpError`] if the sizes do not match, a value is not finite, or the covariance is not positive
+    /// definite.
     pub fn new(
         kernel: Kernel,
         noise: f64,
@@ -131,7 +132,7 @@ impl GaussianProcess {
         self.points.is_empty()
     }
 
-    /// Returns a workspace for predictions with at most `len` points.
+    /// Returns a workspace for predictions with the current number of points.
     pub fn scratch(&self) -> Scratch {
         let n = self.points.len();
         Scratch { row: vec![0.0; n], kernel: vec![0.0; n * self.kernel.scratch_rows()] }
@@ -152,11 +153,11 @@ impl GaussianProcess {
         found
     }
 
-    /// Replaces the logarithms of hyperparameters, in the order of [`parameters`](Self::parameters).
+    /// Replaces the logarithms of the hyperparameters, in the order of [`parameters`](Self::parameters).
     ///
     /// # Errors
-    /// If their number is wrong, one is not finite, or the covariance is not positive definite; the process
-    /// is then unchanged.
+    /// [`GpError`] if the number of logarithms is wrong, a logarithm is not finite, or the covariance is not
+    /// positive definite. The process is then unchanged.
     pub fn set_parameters(&mut self, logarithms: &[f64]) -> Result<(), GpError> {
         let before = self.parameters();
         if logarithms.len() != before.len() {
@@ -183,10 +184,10 @@ impl GaussianProcess {
         self.targets.len()
     }
 
-    /// Returns the negative log marginal likelihood at the given parameters, and writes its gradient.
+    /// Returns the negative log marginal likelihood for these parameters, and writes its gradient.
     ///
     /// # Errors
-    /// If the covariance is not positive definite.
+    /// [`GpError`] if the covariance is not positive definite.
     ///
     /// # Panics
     /// If there are too few parameters.
@@ -213,7 +214,7 @@ impl GaussianProcess {
     /// Fits the hyperparameters, starting from the current values.
     ///
     /// # Errors
-    /// If the covariance is not positive definite.
+    /// [`GpError`] if the covariance is not positive definite.
     pub fn optimise(&mut self, options: &Options) -> Result<Minimum, GpError> {
         let mut parameters = self.parameters();
         clamp(&mut parameters);
@@ -236,8 +237,8 @@ impl GaussianProcess {
     /// Adds a point in `O(N^2)`, with the current hyperparameters.
     ///
     /// # Errors
-    /// If a length is wrong, a value is not finite, or the covariance is no longer positive definite; the
-    /// process is then unchanged.
+    /// [`GpError`] if a length is wrong, a value is not finite, or the covariance is no longer positive
+    /// definite. The process is then unchanged.
     pub fn push(&mut self, x: &[f64], y: &[f64]) -> Result<(), GpError> {
         if x.len() != self.points.dimensions() {
             return Err(GpError::Shape {
@@ -267,7 +268,7 @@ impl GaussianProcess {
     /// Removes a point in `O(N^2)`.
     ///
     /// # Panics
-    /// If the index is out of range.
+    /// If `index` is out of range.
     pub fn remove(&mut self, index: usize) {
         self.marginal.factor.remove(index);
         self.points.remove(index);
@@ -285,12 +286,12 @@ impl GaussianProcess {
         }
     }
 
-    /// Writes the mean of each output at a point and returns the variance of an observation, which all
-    /// outputs share. Does not allocate.
+    /// Writes the mean of each output at the point `x`, and returns the variance of an observation, which is
+    /// the same for all outputs. Does not allocate.
     ///
     /// # Panics
-    /// If `x`, `mean` or `scratch` has the wrong length; a [`scratch`](Self::scratch) is valid until a point
-    /// is added.
+    /// If `x`, `mean` or `scratch` has the wrong length. A [`scratch`](Self::scratch) remains valid until a
+    /// point is added.
     pub fn predict(&self, x: &[f64], mean: &mut [f64], scratch: &mut Scratch) -> f64 {
         assert_eq!(x.len(), self.points.dimensions(), "dimensions of the point");
         assert_eq!(mean.len(), self.targets.len(), "number of outputs");

@@ -14,15 +14,15 @@ use crate::optimise::{Minimum, Options, minimise};
 pub enum Approximation {
     /// Fully independent training conditional: `Q + diag(K - Q) + n I` (Snelson, Ghahramani, NIPS 2005).
     Fitc,
-    /// Variational free energy: `Q + n I`, and the penalty `tr(K - Q) / (2 n)`, an upper bound of the exact
-    /// objective (Titsias, AISTATS 2009).
+    /// Variational free energy: `Q + n I`, and the penalty `tr(K - Q) / (2 n)`. The objective is an upper
+    /// bound of the exact objective (Titsias, AISTATS 2009).
     Variational,
 }
 
 /// Jitters added to the diagonal of `K_uu` until it is positive definite.
 const JITTERS: [f64; 4] = [1e-8, 1e-7, 1e-6, 1e-4];
 
-/// Gaussian process regression of one or several outputs that share a kernel, with inducing points.
+/// A Gaussian process regression with inducing points, of one or several outputs that share a kernel.
 #[derive(Clone, Debug)]
 pub struct SparseGaussianProcess {
     kernel: Kernel,
@@ -90,12 +90,12 @@ fn spread(points: &Points, count: usize) -> Vec<usize> {
 
 impl SparseGaussianProcess {
     /// Creates a process from a noise variance and data. Each row of `x` is a point with `dimensions`
-    /// coordinates, and the same row of `y` has its `outputs` values. `inducing` points, spread over the
-    /// data, become the inducing points; fewer if points repeat.
+    /// coordinates. The same row of `y` contains the `outputs` values at this point. `inducing` points,
+    /// spread over the data, become the inducing points, or fewer if points are repeated.
     ///
     /// # Errors
-    /// If the sizes do not match, a value is not finite, `inducing` is 0 or above the number of points, or a
-    /// covariance is not positive definite.
+    /// [`GpError`] if the sizes do not match, a value is not finite, `inducing` is 0 or exceeds the number of
+    /// points, or a covariance is not positive definite.
     pub fn new(
         kernel: Kernel,
         noise: f64,
@@ -158,10 +158,10 @@ impl SparseGaussianProcess {
         found
     }
 
-    /// Returns the objective at the given parameters, and writes its gradient.
+    /// Returns the objective for these parameters, and writes its gradient.
     ///
     /// # Errors
-    /// If a covariance is not positive definite.
+    /// [`GpError`] if a covariance is not positive definite.
     ///
     /// # Panics
     /// If the length of a slice differs from the number of parameters.
@@ -178,7 +178,7 @@ impl SparseGaussianProcess {
     /// Fits the hyperparameters by L-BFGS; the inducing points stay fixed.
     ///
     /// # Errors
-    /// If a covariance is not positive definite at the final parameters.
+    /// [`GpError`] if a covariance is not positive definite at the final parameters.
     pub fn optimise(&mut self, options: &Options) -> Result<Minimum, GpError> {
         let mut parameters = self.parameters();
         clamp(&mut parameters);
@@ -205,7 +205,7 @@ impl SparseGaussianProcess {
         SparseScratch { row: zeros.clone(), solved: zeros, kernel: vec![0.0; m * self.kernel.scratch_rows()] }
     }
 
-    /// Writes the mean of the outputs at a point and returns the variance of an observation. Does not
+    /// Writes the mean of the outputs at the point `x` and returns the variance of an observation. Does not
     /// allocate.
     ///
     /// # Panics

@@ -6,17 +6,17 @@ use serde::{Deserialize, Serialize};
 
 use super::space::Scaling;
 
-/// Functional form of a back constraint.
+/// Functional form of a back constraint, which maps a pose to its latent point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum BackForm {
-    /// The standardised pose: each column is one latent dimension, or the latent dimensions are its leading
-    /// principal components of unit standard deviation if fewer dimensions are chosen. Training fits
+    /// The standardised pose: each column is one latent dimension. If there are fewer latent dimensions than
+    /// columns, they are the leading principal components, scaled to unit standard deviation. Training fits
     /// hyperparameters only.
     Pose,
     /// Kernel regression with `exp(-gamma |y - y'|^2)`, `gamma = 0.2 / median |y - y'|^2`.
     Kernel,
-    /// A network with one hidden layer of 10 hyperbolic tangent units.
+    /// A network with one hidden layer of 10 tanh units.
     Mlp,
 }
 

@@ -8,23 +8,23 @@ use crate::gp::GaussianProcess;
 use crate::kernel::Kernel;
 use crate::optimise::Options;
 
-/// The error of one method on held-out poses.
+/// Error of one method on held-out poses.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MethodError {
     /// Name of the method.
     pub method: &'static str,
-    /// Mean squared error over all columns, in units of the columns squared.
+    /// Mean squared error over all columns, in the squared unit of the columns.
     pub mean: f64,
-    /// Standard deviation over the folds.
+    /// Standard deviation of the error over the folds.
     pub deviation: f64,
 }
 
-/// Computes the errors of predicting a robot's poses from a human's. Each fold holds out every `folds`th pose
-/// and trains on the others. Methods: `latent` (a shared model of both), `gaussian_process` (directly from
-/// pose to pose), `ridge`, `nearest`, `mean`.
+/// Computes the errors of several methods that predict a robot's poses from a human's. Each fold holds out
+/// every `folds`th pose and trains on the others. Methods: `latent` (a shared model of both),
+/// `gaussian_process` (directly from pose to pose), `ridge`, `nearest`, `mean`.
 ///
 /// # Errors
-/// If sizes do not match, or `folds` is below 2 or above half the number of poses.
+/// [`LatentError`] if sizes do not match, or `folds` is below 2 or above half the number of poses.
 pub fn compare(
     human: &Poses,
     robot: &Poses,

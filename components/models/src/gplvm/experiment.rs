@@ -9,10 +9,10 @@ use super::evaluate::{Baseline, check_pair};
 use super::poses::Poses;
 use super::{LatentError, LatentModel, Settings, SpaceData};
 
-/// A mean over splits, and its standard error.
+/// A mean over splits with its standard error.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Estimate {
-    /// Mean.
+    /// Mean over the splits.
     pub mean: f64,
     /// Standard error of the mean.
     pub error: f64,
@@ -28,25 +28,25 @@ impl Estimate {
     }
 }
 
-/// A robot added to a trained model, compared with a model trained with the robot from the start.
+/// Comparison of a robot added to a trained model with a model trained with this robot from the start.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TransferResult {
-    /// Mean squared error of the transferred robot on held-out poses.
+    /// Mean squared error of the added robot on held-out poses.
     pub transferred: Estimate,
     /// Mean squared error of a model trained for the human and this robot.
     pub trained: Estimate,
-    /// Duration of the transfer, s.
+    /// Duration of adding the robot, s.
     pub transfer_seconds: Estimate,
     /// Duration of the training, s.
     pub training_seconds: Estimate,
 }
 
-/// Errors for one number of poses of the robot.
+/// Errors for a given number of poses of the robot.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FewPoses {
-    /// Number of poses.
+    /// Number of poses of the robot.
     pub poses: usize,
-    /// Mean squared error of each method on held-out poses: `transferred` to the latent space of `source`,
+    /// Mean squared error of each method on held-out poses: `transferred` (to the latent space of `source`),
     /// `alone` (a model of the human and the robot with only these poses), and the direct methods.
     pub errors: Vec<(&'static str, Estimate)>,
 }
@@ -67,11 +67,11 @@ fn error_of(model: &LatentModel, robot: usize, human: &Poses, truth: &Poses) -> 
     squares / truth.values.len() as f64
 }
 
-/// Trains a model of the human and `source`, transfers `robot` to it, and trains another model of the human
-/// and `robot`, on different splits: split `k` of `folds` holds out every `folds`th pose.
+/// Trains a model of the human and `source` and transfers `robot` to it, and trains another model of the
+/// human and `robot`, for each split. Split `k` of `folds` holds out every `folds`th pose.
 ///
 /// # Errors
-/// If sizes do not match, or `folds` is out of range.
+/// [`LatentError`] if sizes do not match, or `folds` is out of range.
 pub fn transfer_and_training(
     human: &Poses,
     source: &Poses,
@@ -106,11 +106,11 @@ pub fn transfer_and_training(
     Ok(TransferResult { transferred, trained, transfer_seconds, training_seconds })
 }
 
-/// Trains one model of the human and all `robots` on different splits, as [`transfer_and_training`] does, and
-/// returns the mean squared error of each robot's held-out poses.
+/// Trains one model of the human and all `robots` for each split, as in [`transfer_and_training`]. Returns
+/// the mean squared error of each robot's held-out poses.
 ///
 /// # Errors
-/// If sizes do not match, or `folds` is out of range.
+/// [`LatentError`] if sizes do not match, or `folds` is out of range.
 pub fn trained_together(
     human: &Poses,
     robots: &[&Poses],
@@ -135,11 +135,11 @@ pub fn trained_together(
     Ok(found.iter().map(|values| Estimate::from_splits(values)).collect())
 }
 
-/// Computes errors with few poses of the robot. In each split a fifth of the poses is held out. The robot has
-/// `counts` of the remaining poses, sampled at random; the human and `source` have all of them.
+/// Computes the errors with few poses of the robot. In each split a fifth of the poses is held out. The robot
+/// has `counts` of the remaining poses, sampled at random; the human and `source` have all of them.
 ///
 /// # Errors
-/// If sizes do not match, or a count is below 2 or above the number of poses of a split.
+/// [`LatentError`] if sizes do not match, or a count is below 2 or above the number of poses of a split.
 pub fn few_poses(
     human: &Poses,
     source: &Poses,

@@ -22,12 +22,12 @@ use super::back::Back;
 use super::{LatentError, LatentModel, Space};
 use crate::kernel::Points;
 
-/// Version of the format.
+/// Version of the file format.
 pub const VERSION: u32 = 1;
 
 const MAGIC: &str = "motorium-latent";
 
-/// A model file cannot be read or written.
+/// Error of reading or writing a model file.
 #[derive(Debug, thiserror::Error)]
 pub enum FileError {
     /// The file cannot be read or written.
@@ -35,7 +35,7 @@ pub enum FileError {
     Io {
         /// Path of the file.
         path: String,
-        /// The reason.
+        /// Error of the operating system.
         error: std::io::Error,
     },
     /// The first line is not a header.
@@ -47,7 +47,7 @@ pub enum FileError {
     /// The version is not supported.
     #[error("format version {found}, expected {VERSION}\nhelp: train the model again with this program")]
     Version {
-        /// The version found.
+        /// Version found.
         found: String,
     },
     /// The checksum does not match.
@@ -55,7 +55,7 @@ pub enum FileError {
         "checksum of line 2 is {found:016x}, expected {expected}\nhelp: the file is damaged, copy it again"
     )]
     Checksum {
-        /// Checksum of the content.
+        /// Checksum of the content, computed.
         found: u64,
         /// Checksum in the header.
         expected: String,
@@ -65,13 +65,13 @@ pub enum FileError {
     Json {
         /// Column, from 1.
         column: usize,
-        /// The reason.
+        /// Syntax error.
         error: serde_json::Error,
     },
-    /// Sizes are inconsistent.
-    #[error("{what} does not fit {points} points in {latents} dimensions")]
+    /// Sizes in the file are inconsistent.
+    #[error("{what} does not match {points} points in {latents} dimensions")]
     Sizes {
-        /// The inconsistent part.
+        /// Name of the inconsistent quantity.
         what: String,
         /// Number of latent points.
         points: usize,
@@ -111,7 +111,7 @@ impl LatentModel {
     /// Parses the text of a model file.
     ///
     /// # Errors
-    /// If the text is not a model of this version, is damaged, or contains inconsistent sizes.
+    /// [`FileError`] if the text is not a model of this version, is damaged, or contains inconsistent sizes.
     pub fn from_text(text: &str) -> Result<Self, FileError> {
         let (header, json) = text.split_once('\n').unwrap_or((text, ""));
         let json = json.strip_suffix('\n').unwrap_or(json);
@@ -159,7 +159,7 @@ impl LatentModel {
     /// Writes the model to a file.
     ///
     /// # Errors
-    /// If the file cannot be written.
+    /// [`FileError`] if the file cannot be written.
     pub fn save(&self, path: &Path) -> Result<(), FileError> {
         std::fs::write(path, self.to_text()).map_err(|error| io(path, error))
     }
@@ -167,7 +167,7 @@ impl LatentModel {
     /// Reads a model from a file.
     ///
     /// # Errors
-    /// Like [`from_text`](Self::from_text), and if the file cannot be read.
+    /// Same as [`from_text`](Self::from_text). Also if the file cannot be read.
     pub fn load(path: &Path) -> Result<Self, FileError> {
         Self::from_text(&std::fs::read_to_string(path).map_err(|error| io(path, error))?)
     }

@@ -17,9 +17,9 @@ impl LatentModel {
         Scratch { row: vec![0.0; self.poses()] }
     }
 
-    /// Writes the mean pose of a space at a latent point, and the variance of an observation for each column.
-    /// Returns the fraction of the kernel's variance not explained by the training poses: 0 where they
-    /// determine the pose, 1 far from all of them. Does not allocate.
+    /// Writes the mean pose of a space at a latent point `x`, and the variance of an observation for each
+    /// column. Returns the fraction of the kernel's variance that the training poses do not explain: 0 where
+    /// they determine the pose, 1 far from all of them. Does not allocate.
     ///
     /// # Panics
     /// If the space does not exist or a slice has the wrong length.
@@ -60,7 +60,7 @@ impl LatentModel {
         crate::kernel::stationary_row(&space.kernel, x, &self.points, row);
     }
 
-    /// Returns the latent point of a new pose: by the back constraint if the space has one, otherwise by
+    /// Returns the latent point of a new pose, by the back constraint if the space has one, and otherwise by
     /// [`infer`](Self::infer).
     ///
     /// # Panics
@@ -77,11 +77,11 @@ impl LatentModel {
         }
     }
 
-    /// Writes the latent point of a new pose by the back constraint. Returns `false` without a back
+    /// Writes the latent point of a new pose by the back constraint. Returns `false` if there is no back
     /// constraint. Does not allocate.
     ///
     /// # Panics
-    /// If a slice has the wrong length; `standard` has the length of the pose.
+    /// If a slice has the wrong length; `standard` must have the length of the pose.
     pub fn map_back(&self, pose: &[f64], standard: &mut [f64], x: &mut [f64]) -> bool {
         let Some(back) = &self.back else { return false };
         let space = &self.spaces[back.space];
@@ -92,7 +92,8 @@ impl LatentModel {
     }
 
     /// Returns the latent point that minimises `D ln s(x) / 2 + |y - m(x)|^2 / (2 s(x)) + |x|^2 / 2` for a
-    /// new pose `y`, by L-BFGS from the latent point of the nearest training pose.
+    /// new pose `y`. The minimisation uses L-BFGS and starts at the latent point of the nearest training
+    /// pose.
     ///
     /// # Panics
     /// If the space does not exist or the pose has the wrong number of columns.

@@ -48,7 +48,7 @@ pub use train::{Prior, Settings, Trained, Workspace};
 
 use crate::gp::GpError;
 
-/// An error of a latent model.
+/// Error of a latent model.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum LatentError {
     /// The poses of a space are invalid.
@@ -56,7 +56,7 @@ pub enum LatentError {
     Space {
         /// Name of the space.
         space: String,
-        /// The reason.
+        /// Reason why they are invalid.
         error: GpError,
     },
     /// The model has no space with this name.
@@ -67,7 +67,7 @@ pub enum LatentError {
         /// Names of the existing spaces.
         known: Vec<String>,
     },
-    /// The name is already in use.
+    /// Two spaces have the same name.
     #[error("the space {name} exists twice, expected different names")]
     SameName {
         /// The duplicate name.
@@ -78,9 +78,9 @@ pub enum LatentError {
     Setting {
         /// Name of the setting.
         setting: &'static str,
-        /// The value found.
+        /// Value found.
         found: String,
-        /// The allowed range.
+        /// Description of the valid range.
         expected: String,
     },
 }

@@ -7,7 +7,7 @@ use crate::gp::{GpError, Gradient, Marginal, check_finite, clamp, release};
 use crate::kernel::Points;
 use crate::optimise::{Minimum, Options, minimise};
 
-/// A latent space shared by several pose spaces.
+/// A model of several pose spaces that share one latent space.
 #[derive(Clone, Debug)]
 pub struct LatentModel {
     pub(super) points: Points,
@@ -19,19 +19,19 @@ pub struct LatentModel {
     pub(super) source: Option<String>,
 }
 
-/// The result of [`LatentModel::transfer`].
+/// Result of [`LatentModel::transfer`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Transferred {
     /// Final objective of each start: at convergence for the best start, after a few iterations for the
     /// others.
     pub starts: Vec<f64>,
-    /// The best start.
+    /// Minimum reached from the best start.
     pub minimum: Minimum,
-    /// Mean squared error of each pose predicted from the latent points of all others, relative to the
+    /// Mean squared error of predicting each pose from the latent points of all others, relative to the
     /// variance.
     pub left_out: f64,
-    /// Set if the noise exceeds half of the variance, or `left_out` exceeds 0.8: the space hardly depends on
-    /// the latent point.
+    /// Warning that the space hardly depends on the latent point, if the noise exceeds half of the variance
+    /// or `left_out` exceeds 0.8.
     pub warning: Option<String>,
 }
 
@@ -123,12 +123,12 @@ impl LatentModel {
     /// Returns the index of a space.
     ///
     /// # Errors
-    /// If there is no space with this name.
+    /// [`LatentError`] if there is no space with this name.
     pub fn space(&self, name: &str) -> Result<usize, LatentError> {
         find(&self.spaces, name)
     }
 
-    /// Returns the logarithms of variance, length scales and noise of a space.
+    /// Returns the logarithms of variance, length scales and noise variance of a space.
     ///
     /// # Panics
     /// If the space does not exist.
@@ -140,8 +140,8 @@ impl LatentModel {
     /// [`parameters`](Self::parameters).
     ///
     /// # Errors
-    /// If their number is wrong, one is not finite, or the covariance is not positive definite; the model is
-    /// then unchanged.
+    /// [`LatentError`] if the number of logarithms is wrong, a logarithm is not finite, or the covariance is
+    /// not positive definite. The model is then unchanged.
     ///
     /// # Panics
     /// If the space does not exist.
@@ -161,16 +161,16 @@ impl LatentModel {
         Ok(())
     }
 
-    /// Returns the space whose pose determines the latent point, if there is a back constraint.
+    /// Returns the space whose pose determines the latent point; `None` without a back constraint.
     pub fn back_constrained(&self) -> Option<&Space> {
         self.back.as_ref().map(|back| &self.spaces[back.space])
     }
 
-    /// Returns the model restricted to its first poses, with the same latent points, hyperparameters and back
-    /// constraint. A robot with only these poses can be added to it.
+    /// Returns the model restricted to its first `poses` poses, with the same latent points, hyperparameters
+    /// and back constraint. A robot with only these poses can be added to it.
     ///
     /// # Errors
-    /// If the number of poses is out of range.
+    /// [`LatentError`] if the number of poses is out of range.
     pub fn at_first_poses(&self, poses: usize) -> Result<Self, LatentError> {
         if poses == 0 || poses > self.poses() {
             let expected = format!("1 to {}", self.poses());
@@ -185,14 +185,15 @@ impl LatentModel {
         Self::assemble(points, spaces, self.back.clone())
     }
 
-    /// Adds a robot while the latent points and all other spaces stay fixed. There are three starts: the
-    /// hyperparameters of the last space; the standard deviations of the latent points as length scales with
-    /// noise 0.01; and these divided by e with noise 0.1. If the latent point is the pose itself
-    /// ([`BackForm::Pose`]), the length scales of the latter two are multiplied by the square root of the
-    /// number of its dimensions. After a few iterations from each, only the best start continues.
+    /// Adds a robot while the latent points and all other spaces stay fixed. The hyperparameters are fitted
+    /// from three starts: the hyperparameters of the last space; the standard deviations of the latent points
+    /// as length scales, with noise 0.01; and these length scales divided by e, with noise 0.1. If the latent
+    /// point is the pose itself ([`BackForm::Pose`]), the length scales of the latter two are multiplied by
+    /// the square root of the number of its dimensions. After a few iterations from each start, only the best
+    /// one continues.
     ///
     /// # Errors
-    /// If the poses do not match the model or no start has a positive definite covariance.
+    /// [`LatentError`] if the poses do not match the model or no start has a positive definite covariance.
     pub fn transfer(&mut self, data: &SpaceData<'_>, iterations: usize) -> Result<Transferred, LatentError> {
         let scaling = self.back.as_ref().map_or(Scaling::Columns, |back| back.form.scaling());
         let space = Space::new(data, self.latents(), scaling)?;

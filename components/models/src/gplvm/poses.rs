@@ -8,7 +8,7 @@ use std::path::Path;
 
 use super::SpaceData;
 
-/// Poses of one space from a file.
+/// Poses of one space, read from a file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Poses {
     /// Name of the space: the file name without its extension.
@@ -17,11 +17,12 @@ pub struct Poses {
     pub columns: Vec<String>,
     /// Poses, one per row.
     pub values: Vec<f64>,
-    /// Rows at which the label `clip` changes: the starts of movements, including the first row.
+    /// Rows at which movements start: the first row, and each row with another label `clip` than the row
+    /// before.
     pub starts: Vec<usize>,
 }
 
-/// A file of poses is invalid.
+/// Error of an invalid file of poses.
 #[derive(Debug, thiserror::Error)]
 pub enum PosesError {
     /// The file cannot be read.
@@ -29,7 +30,7 @@ pub enum PosesError {
     Io {
         /// Path of the file.
         path: String,
-        /// The reason.
+        /// Error of the operating system.
         error: std::io::Error,
     },
     /// A cell or line is invalid.
@@ -41,9 +42,9 @@ pub enum PosesError {
         line: usize,
         /// Column of the table, from 1.
         column: usize,
-        /// The value found.
+        /// Text found.
         found: String,
-        /// The value expected.
+        /// Description of a valid value.
         expected: String,
     },
 }
@@ -51,10 +52,11 @@ pub enum PosesError {
 const LABELS: [&str; 3] = ["clip", "frame", "key"];
 
 impl Poses {
-    /// Reads a file.
+    /// Reads the poses of a file.
     ///
     /// # Errors
-    /// If the file cannot be read, a line is too short or long, or a cell is not a finite number.
+    /// [`PosesError`] if the file cannot be read, a line is too short or long, or a cell is not a finite
+    /// number.
     pub fn read(path: &Path) -> Result<Self, PosesError> {
         let shown = path.display().to_string();
         let text =
@@ -63,10 +65,10 @@ impl Poses {
         Self::parse(&name, &shown, &text)
     }
 
-    /// Parses a text; `path` appears in errors.
+    /// Parses poses from a text. `path` is used in errors.
     ///
     /// # Errors
-    /// If a line is too short or long, or a cell is not a finite number.
+    /// [`PosesError`] if a line is too short or long, or a cell is not a finite number.
     pub fn parse(name: &str, path: &str, text: &str) -> Result<Self, PosesError> {
         let wrong = |line: usize, column: usize, found: String, expected: String| PosesError::Cell {
             path: path.to_string(),
@@ -135,7 +137,7 @@ impl Poses {
         Self { values, starts: (0..indices.len()).collect(), ..self.clone() }
     }
 
-    /// Returns the poses as a space of a model.
+    /// Returns the poses as data for a space of a model.
     pub fn data(&self) -> SpaceData<'_> {
         SpaceData { name: &self.name, columns: self.columns.clone(), values: &self.values }
     }

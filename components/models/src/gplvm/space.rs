@@ -6,10 +6,10 @@ use super::LatentError;
 use crate::gp::{GpError, check_finite};
 use crate::kernel::{Kernel, Stationary};
 
-/// The poses of one space.
+/// Training poses of one space.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SpaceData<'a> {
-    /// Name, such as `human` or a robot's name.
+    /// Name of the space, such as `human` or a robot's name.
     pub name: &'a str,
     /// Names of the columns.
     pub columns: Vec<String>,
@@ -20,14 +20,14 @@ pub struct SpaceData<'a> {
 /// A space of a latent model: its poses and hyperparameters.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Space {
-    /// Name.
+    /// Name of the space.
     pub name: String,
     /// Names of the columns.
     pub columns: Vec<String>,
     /// Mean of each column.
     pub mean: Vec<f64>,
-    /// Standard deviation of each column, 1 for a constant column; the square root of the mean variance of
-    /// all columns if the latent point is a pose.
+    /// Scale of each column: its standard deviation, or 1 for a constant column. If the latent point is a
+    /// pose, the square root of the mean variance of all columns.
     pub scale: Vec<f64>,
     /// Kernel from the latent point to the standardised poses.
     pub kernel: Stationary,
@@ -95,7 +95,7 @@ impl Space {
         self.targets.len() / self.mean.len()
     }
 
-    /// Returns the fraction of noise in the model's variance; near 1, the space does not depend on the latent
+    /// Returns the fraction of noise in the model's variance. Near 1, the space does not depend on the latent
     /// point.
     pub fn noise_share(&self) -> f64 {
         self.noise / (self.noise + self.kernel.variance)

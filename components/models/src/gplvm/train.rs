@@ -11,19 +11,20 @@ use crate::gp::{Gradient, Marginal, clamp, release};
 use crate::kernel::Points;
 use crate::optimise::{Minimum, Options, minimise};
 
-/// Prior on the latent points of a training.
+/// Prior on the latent points during training.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum Prior {
-    /// Flat.
+    /// Flat prior.
     None,
-    /// Standard normal; constant if the latent point is a pose.
+    /// Standard normal prior. It is constant if the latent point is a pose.
     #[default]
     Normal,
-    /// Sequences of points: a Gaussian process from each point to the next, with an RBF and a linear kernel
+    /// Dynamic prior: a Gaussian process from each latent point to the next, with an RBF and a linear kernel
     /// whose hyperparameters are also trained, and a standard normal prior on the points that start a
-    /// movement. Keeps the latent points of a movement close together. Not for a latent point that is a pose.
+    /// movement. It keeps the latent points of a movement close together. Not allowed if the latent point is
+    /// a pose.
     Dynamics {
-        /// Rows of the poses that start a movement; the first row always does.
+        /// Rows of the poses that start a movement. The first row always starts a movement.
         starts: Vec<usize>,
     },
 }
@@ -34,12 +35,12 @@ pub struct Settings {
     /// Number of latent dimensions, at least 1. Default: the number of columns of the space with a back
     /// constraint of [`BackForm::Pose`], otherwise 6.
     pub latents: Option<usize>,
-    /// A back constraint: the name of the space whose pose determines the latent point, and the functional
+    /// Back constraint: the name of the space whose pose determines the latent point, and the functional
     /// form. Default: the pose of the space `human`, which has the smallest errors on held-out poses.
     pub back: Option<(String, BackForm)>,
     /// Prior on the latent points. Default: [`Prior::Normal`].
     pub prior: Prior,
-    /// Maximum number of iterations; per space and start if the latent point is a pose. Default: 300.
+    /// Maximum number of iterations, per space and start if the latent point is a pose. Default: 300.
     pub iterations: usize,
 }
 
@@ -53,12 +54,12 @@ impl Default for Settings {
 /// Number of latent dimensions if the latent point is not a pose.
 const LATENTS: usize = 6;
 
-/// The result of a training.
+/// Result of training a model.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Trained {
-    /// Objective at the start.
+    /// Objective before the first iteration.
     pub start: f64,
-    /// Objective, iterations and evaluations at the end.
+    /// Final objective, and the numbers of iterations and evaluations.
     pub minimum: Minimum,
 }
 
@@ -199,19 +200,21 @@ fn principal_components(space: &Space, latents: usize) -> Vec<f64> {
 }
 
 impl LatentModel {
-    /// Trains one latent space for several pose spaces whose rows are poses at the same instants.
+    /// Trains one latent space for several pose spaces. Equal rows of the spaces must be poses at the same
+    /// instant.
     ///
     /// # Errors
-    /// If sizes or names do not match, a value is not finite, or a setting is out of range.
+    /// [`LatentError`] if sizes or names do not match, a value is not finite, or a setting is out of range.
     pub fn train(data: &[SpaceData<'_>], settings: &Settings) -> Result<(Self, Trained), LatentError> {
         Self::train_with_progress(data, settings, &mut |_, _| ())
     }
 
-    /// Trains as [`train`](Self::train), and calls `report` with each evaluation of an objective: the name of
-    /// the space if the spaces are fitted one after the other, otherwise `all spaces`, and the value.
+    /// Trains like [`train`](Self::train), and calls `report` with each evaluation of an objective. The
+    /// arguments are the name of the space if the spaces are fitted one after the other (otherwise `all
+    /// spaces`), and the value.
     ///
     /// # Errors
-    /// Like [`train`](Self::train).
+    /// Same as [`train`](Self::train).
     pub fn train_with_progress(
         data: &[SpaceData<'_>],
         settings: &Settings,
@@ -319,12 +322,12 @@ impl LatentModel {
         Ok((model, Trained { start, minimum: sum }))
     }
 
-    /// Returns the objective of one space at latent points (row by row), without a prior, and its gradients
-    /// with respect to the latent points, row by row, and to the logarithms of variance, length scales and
-    /// noise. `targets` is not standardised.
+    /// Returns the objective of one space without a prior, and its gradients with respect to the latent
+    /// points (row by row) and to the logarithms of variance, length scales and noise. `x` contains the
+    /// latent points, row by row; `targets` is not standardised.
     ///
     /// # Errors
-    /// If the covariance is not positive definite.
+    /// [`GpError`](crate::gp::GpError) if the covariance is not positive definite.
     pub fn energy(
         x: &[f64],
         targets: &[f64],

@@ -2,12 +2,14 @@
 
 use super::{Hmm, HmmError, check_distribution};
 
-/// A hidden Markov model whose states last for explicit numbers of observations.
+/// A hidden semi-Markov model: a hidden Markov model with an explicit distribution of the duration of each
+/// state, in observations.
 ///
-/// `P(d | s)` is a table for each state, from 1 observation to a maximum duration; the remainder is the
-/// probability of longer stays. States are entered by the transitions of the underlying model, without
-/// self-transitions. The last stay of a sequence may be truncated: it has the probability of at least its
-/// length. Reference: Yu, *Hidden semi-Markov models*, Artificial Intelligence 174, 2010.
+/// `P(d | s)` is a table for each state, from 1 observation to a maximum duration; the remaining probability
+/// belongs to longer durations. States are entered by the transitions of the underlying model, without
+/// self-transitions. The last state of a sequence may be truncated; its probability is the probability of at
+/// least its observed duration. Reference: Yu, *Hidden semi-Markov models*, Artificial Intelligence 174,
+/// 2010.
 #[derive(Clone, Debug)]
 pub struct Hsmm {
     model: Hmm,
@@ -33,11 +35,12 @@ fn add(a: f64, b: f64) -> f64 {
 }
 
 impl Hsmm {
-    /// Creates a model with the states of `model` and a table of durations: one row per state, with one
-    /// column per duration.
+    /// Creates a model with the states of `model` and a table of duration probabilities, with one row per
+    /// state and one column per duration.
     ///
     /// # Errors
-    /// If the table has the wrong size, or a row is not part of a distribution.
+    /// [`HmmError`] if the table has the wrong size, or a row contains a negative probability or sums to more
+    /// than 1.
     pub fn new(model: &Hmm, durations: &[f64]) -> Result<Self, HmmError> {
         let k = model.states();
         let longest = durations.len() / k;
@@ -66,10 +69,10 @@ impl Hsmm {
         Ok(Self { model: model.clone(), transitions, durations: durations.to_vec(), longest })
     }
 
-    /// Creates a model with normal durations, truncated to 1 to `longest` observations.
+    /// Creates a model with normally distributed durations, truncated to 1 to `longest` observations.
     ///
     /// # Errors
-    /// Like [`new`](Self::new), and if a mean or a deviation is not positive and finite.
+    /// Same as [`new`](Self::new). Also if a mean or a deviation is not positive and finite.
     pub fn with_normal_durations(
         model: &Hmm,
         means: &[f64],
@@ -95,12 +98,12 @@ impl Hsmm {
         Self::new(model, &table)
     }
 
-    /// Returns the observations and transitions of the states.
+    /// Returns the underlying model with the observations and transitions of the states.
     pub fn model(&self) -> &Hmm {
         &self.model
     }
 
-    /// Returns the probabilities of the durations of a state, from 1 observation.
+    /// Returns the probabilities of the durations of a state, starting with 1 observation.
     pub fn durations(&self, state: usize) -> &[f64] {
         &self.durations[state * self.longest..(state + 1) * self.longest]
     }
@@ -171,10 +174,10 @@ impl Hsmm {
         if last.is_finite() { Ok(last) } else { Err(HmmError::Impossible { row: n - 1 }) }
     }
 
-    /// Returns the log-likelihood of a sequence, given row by row.
+    /// Returns the log-likelihood of a sequence, stored row by row.
     ///
     /// # Errors
-    /// If the sequence is invalid or impossible.
+    /// [`HmmError`] if the sequence is invalid or impossible.
     pub fn log_likelihood(&self, sequence: &[f64]) -> Result<f64, HmmError> {
         self.stays(
             sequence,
@@ -186,7 +189,7 @@ impl Hsmm {
     /// Returns the most probable path of states and the logarithm of its joint probability with the sequence.
     ///
     /// # Errors
-    /// If the sequence is invalid or impossible.
+    /// [`HmmError`] if the sequence is invalid or impossible.
     pub fn viterbi(&self, sequence: &[f64]) -> Result<(f64, Vec<usize>), HmmError> {
         let k = self.model.states();
         let n = sequence.len() / self.model.dimensions().max(1);
@@ -225,10 +228,10 @@ impl Hsmm {
     /// Fits observations, transitions and normal durations to the most probable paths of some sequences.
     /// Stops when the joint log-probability increases by less than `tolerance`, or decreases, which is
     /// possible because of the floors of variances and durations. Returns the joint log-probability before
-    /// each iteration. Truncated stays are counted with their observed length.
+    /// each iteration. A truncated last state counts with its observed duration.
     ///
     /// # Errors
-    /// If a sequence is invalid or impossible, or a covariance is no longer positive definite.
+    /// [`HmmError`] if a sequence is invalid or impossible, or a covariance is no longer positive definite.
     pub fn train(
         &mut self,
         sequences: &[&[f64]],

@@ -2,10 +2,10 @@
 
 use motorium_algebra::Cholesky;
 
-/// Form of covariances.
+/// Form of the covariance matrices.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shape {
-    /// Variances of independent columns.
+    /// Diagonal covariances: the columns are independent.
     Diagonal,
     /// Full covariances.
     Full,

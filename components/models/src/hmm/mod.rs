@@ -32,13 +32,13 @@ pub use reproduction::{Regression, Tracker};
 
 use gaussian::Gaussian;
 
-/// An error of a hidden Markov model.
+/// Error of a hidden Markov model.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum HmmError {
     /// A list has the wrong length.
     #[error("found {found} {what}, expected {expected}")]
     Shape {
-        /// The counted quantity.
+        /// Name of the counted quantity.
         what: &'static str,
         /// Number found.
         found: usize,
@@ -46,11 +46,11 @@ pub enum HmmError {
         expected: usize,
     },
     /// A list is not a probability distribution.
-    #[error("{what} sums to {sum}, expected probabilities of 0 or more with sum 1")]
+    #[error("{what} sums to {sum}, expected nonnegative probabilities with sum 1")]
     Probability {
-        /// The distribution.
+        /// Description of the distribution.
         what: String,
-        /// The sum of its entries.
+        /// Sum of its entries.
         sum: f64,
     },
     /// A covariance is not positive definite.
@@ -58,11 +58,11 @@ pub enum HmmError {
         "the covariance of state {state} is not positive definite\nhelp: use fewer states or a larger floor"
     )]
     Covariance {
-        /// The state, from 0.
+        /// Index of the state, from 0.
         state: usize,
     },
-    /// A sequence has no likelihood.
-    #[error("observation {row} is impossible in every state that can be reached, or not finite")]
+    /// A sequence is impossible: its likelihood is zero.
+    #[error("observation {row} is impossible in all reachable states, or is not finite")]
     Impossible {
         /// Row of the sequence, from 0.
         row: usize,
@@ -89,11 +89,12 @@ fn check_distribution(what: impl Fn() -> String, values: &[f64]) -> Result<(), H
 }
 
 impl Hmm {
-    /// Creates a model from its parameters: start probabilities of the states, transitions row by row, means
-    /// row by row, and one covariance matrix per state, row by row.
+    /// Creates a model from its parameters: start probabilities of the states, transition probabilities row
+    /// by row, means row by row, and one covariance matrix per state, row by row.
     ///
     /// # Errors
-    /// If a length is wrong, a distribution is invalid, or a covariance is not positive definite.
+    /// [`HmmError`] if a length is wrong, a distribution is invalid, or a covariance is not positive
+    /// definite.
     pub fn new(
         start: &[f64],
         transitions: &[f64],
@@ -130,11 +131,12 @@ impl Hmm {
         Ok(Self { start, transitions, gaussians, shape, dimensions: d, floor: 0.0 })
     }
 
-    /// Creates a left-right model whose states are equal parts of each movement. The floor of variances is
-    /// 1e-6 of the data's mean variance.
+    /// Creates a left-right model whose states are equal parts of each movement. Variances are at least 1e-6
+    /// times the mean variance of the data.
     ///
     /// # Errors
-    /// If a movement is shorter than the number of states or its length is not a multiple of `dimensions`.
+    /// [`HmmError`] if a movement is shorter than the number of states, or its length is not a multiple of
+    /// `dimensions`.
     pub fn left_right(
         states: usize,
         movements: &[&[f64]],
@@ -196,22 +198,22 @@ impl Hmm {
         self.dimensions
     }
 
-    /// Returns the start probabilities.
+    /// Returns the start probability of each state.
     pub fn start(&self) -> &[f64] {
         &self.start
     }
 
-    /// Transition probabilities, row by row.
+    /// Returns the transition probabilities, row by row.
     pub fn transitions(&self) -> &[f64] {
         &self.transitions
     }
 
-    /// Returns the mean of a state.
+    /// Returns the mean observation of a state.
     pub fn mean(&self, state: usize) -> &[f64] {
         &self.gaussians[state].mean
     }
 
-    /// Returns the covariance of a state, row by row.
+    /// Returns the covariance of the observations of a state, row by row.
     pub fn covariance(&self, state: usize) -> &[f64] {
         &self.gaussians[state].covariance
     }
@@ -234,10 +236,10 @@ impl Hmm {
             .collect())
     }
 
-    /// Returns the log-likelihood of a sequence, given row by row.
+    /// Returns the log-likelihood of a sequence, stored row by row.
     ///
     /// # Errors
-    /// If the sequence is invalid or impossible.
+    /// [`HmmError`] if the sequence is invalid or impossible.
     pub fn log_likelihood(&self, sequence: &[f64]) -> Result<f64, HmmError> {
         Ok(self.forward(&self.densities(sequence)?)?.0)
     }
@@ -245,7 +247,7 @@ impl Hmm {
     /// Returns the most probable path of states and the logarithm of its joint probability with the sequence.
     ///
     /// # Errors
-    /// If the sequence is invalid or impossible.
+    /// [`HmmError`] if the sequence is invalid or impossible.
     pub fn viterbi(&self, sequence: &[f64]) -> Result<(f64, Vec<usize>), HmmError> {
         let densities = self.densities(sequence)?;
         let k = self.states();

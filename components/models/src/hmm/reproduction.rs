@@ -6,12 +6,12 @@ use nalgebra::{DMatrix, DVector};
 
 use super::{Hmm, HmmError};
 
-/// Gaussian mixture regression with the states of a model: predicts some columns of an observation from the
-/// others.
+/// A Gaussian mixture regression with the states of a model. It predicts some columns of an observation from
+/// the others.
 ///
-/// `h_i ~ P(s_t = i | inputs so far)` from the forward recursion on the input columns, and `y = sum_i h_i
-/// (m_i^o + C_i^oi (C_i^ii)^-1 (x - m_i^i))`. Reference: Calinon and others, *Learning and reproduction of
-/// gestures by imitation*, IEEE RAM 17, 2010.
+/// `h_i ~ P(s_t = i | inputs so far)` comes from the forward recursion on the input columns, and `y = sum_i
+/// h_i (m_i^o + C_i^oi (C_i^ii)^-1 (x - m_i^i))`. Reference: Calinon and others, *Learning and reproduction
+/// of gestures by imitation*, IEEE RAM 17, 2010.
 #[derive(Clone, Debug)]
 pub struct Regression {
     inputs: Vec<usize>,
@@ -23,11 +23,11 @@ pub struct Regression {
 }
 
 impl Regression {
-    /// Creates a regression with all columns that are not inputs as outputs.
+    /// Creates a regression from the columns `inputs` to all other columns.
     ///
     /// # Errors
-    /// If `inputs` is empty, contains a duplicate or missing column, or leaves no output, or if a covariance
-    /// of the inputs is not positive definite.
+    /// [`HmmError`] if `inputs` is empty, contains a duplicate or unknown column, or leaves no output, or if
+    /// a covariance of the inputs is not positive definite.
     pub fn new(model: &Hmm, inputs: &[usize]) -> Result<Self, HmmError> {
         let (k, d) = (model.states(), model.dimensions());
         let outputs: Vec<usize> = (0..d).filter(|column| !inputs.contains(column)).collect();
@@ -61,20 +61,20 @@ impl Regression {
         Ok(Self { inputs: inputs.to_vec(), outputs, marginal, gains })
     }
 
-    /// Returns the input columns.
+    /// Returns the indices of the input columns.
     pub fn inputs(&self) -> &[usize] {
         &self.inputs
     }
 
-    /// Returns the output columns.
+    /// Returns the indices of the output columns.
     pub fn outputs(&self) -> &[usize] {
         &self.outputs
     }
 
-    /// Returns the outputs for a sequence of inputs, row by row.
+    /// Returns the outputs for a sequence of inputs, both stored row by row.
     ///
     /// # Errors
-    /// If the sequence is invalid or impossible.
+    /// [`HmmError`] if the sequence is invalid or impossible.
     pub fn predict(&self, inputs: &[f64]) -> Result<Vec<f64>, HmmError> {
         let (n, k) = (self.inputs.len(), self.gains.len());
         let shares = self.marginal.forward(&self.marginal.densities(inputs)?)?.1;
@@ -91,12 +91,12 @@ impl Regression {
     }
 }
 
-/// Tracks a path of states with a double integrator: closely where the variance of a state is small, loosely
-/// where it is large.
+/// A tracker that follows a path of states with a double integrator: closely where the variance of a state is
+/// small, loosely where it is large.
 ///
-/// `min sum_t (y_t - m_s)^T C_s^-1 (y_t - m_s) + r |u_t|^2` with `y'' = u`, sampled at `dt`, by the backward
-/// Riccati recursion. Reference: Calinon, *A tutorial on task-parameterized movement learning and retrieval*,
-/// Intelligent Service Robotics 9, 2016.
+/// It minimises `sum_t (y_t - m_s)^T C_s^-1 (y_t - m_s) + r |u_t|^2` with `y'' = u`, sampled at `dt`, by the
+/// backward Riccati recursion. Reference: Calinon, *A tutorial on task-parameterized movement learning and
+/// retrieval*, Intelligent Service Robotics 9, 2016.
 #[derive(Clone, Debug)]
 pub struct Tracker {
     dimensions: usize,
@@ -106,11 +106,12 @@ pub struct Tracker {
 }
 
 impl Tracker {
-    /// Creates the regulator of a path. `effort` is the weight of squared accelerations, in s^4 per unit of
-    /// the data squared.
+    /// Creates a tracker for a path of states with the sample period `dt` \[s\]. `effort` is the weight `r`
+    /// of squared accelerations, in s^4 per squared unit of the data.
     ///
     /// # Errors
-    /// If the path is empty or contains an unknown state, or `dt` or `effort` is not positive and finite.
+    /// [`HmmError`] if the path is empty or contains an unknown state, or `dt` or `effort` is not positive
+    /// and finite.
     pub fn new(model: &Hmm, path: &[usize], dt: f64, effort: f64) -> Result<Self, HmmError> {
         let d = model.dimensions();
         if let Some(state) = path.iter().find(|state| **state >= model.states()) {
@@ -162,10 +163,10 @@ impl Tracker {
         Ok(Self { dimensions: d, dt, steps })
     }
 
-    /// Returns the movement starting at rest at a position, one row per state of the path.
+    /// Returns the movement that starts at rest at the position `start`, with one row per state of the path.
     ///
     /// # Errors
-    /// If the position has the wrong number of columns.
+    /// [`HmmError`] if the position has the wrong number of columns.
     pub fn movement(&self, start: &[f64]) -> Result<Vec<f64>, HmmError> {
         let d = self.dimensions;
         if start.len() != d {

@@ -100,12 +100,13 @@ impl Hmm {
         Ok(likelihood)
     }
 
-    /// Runs expectation maximisation over the sequences until an iteration increases the log-likelihood by
-    /// less than `tolerance`. Returns the log-likelihood before each iteration.
+    /// Runs expectation maximisation over the sequences, at most `iterations` times, until an iteration
+    /// increases the log-likelihood by less than `tolerance`. Returns the log-likelihood before each
+    /// iteration.
     ///
     /// # Errors
-    /// If a sequence is invalid or impossible, or a covariance is no longer positive definite. The model then
-    /// contains the result of the last complete iteration.
+    /// [`HmmError`] if a sequence is invalid or impossible, or a covariance is no longer positive definite.
+    /// The model then contains the result of the last complete iteration.
     pub fn train(
         &mut self,
         sequences: &[&[f64]],

@@ -3,10 +3,11 @@
 use super::{Kernel, Points, stationary};
 
 impl Kernel {
-    /// Adds the gradients of `sum_b weights[b] k(x_a, x_b)` for point `a` and the points `b >= a`: with
-    /// respect to the logarithms of the parameters to `parameters`, and with respect to the points to
-    /// `by_points` (dimension by dimension), if given. `values` and `slopes` are the row of covariances and
-    /// their derivatives written by [`row_with_slopes`](Self::row_with_slopes).
+    /// Adds the gradients of `sum_b weights[b] k(x_a, x_b)` over the points `b >= a`. The gradient with
+    /// respect to the logarithms of the parameters is added to `parameters`. The gradient with respect to the
+    /// points is added to `by_points` (dimension by dimension), if given. `values` and `slopes` are the row
+    /// of covariances and the row of their derivatives, written by
+    /// [`row_with_slopes`](Self::row_with_slopes).
     ///
     /// # Panics
     /// If a slice is too short.

@@ -25,32 +25,32 @@ use serde::{Deserialize, Serialize};
 use stationary::Profile;
 pub use stationary::Stationary;
 
-/// A covariance function.
+/// A covariance function of a Gaussian process.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Kernel {
-    /// Radial basis function, infinitely smooth.
+    /// Radial basis function; samples are infinitely differentiable.
     Rbf(Stationary),
-    /// Matern with `nu = 3/2`, once differentiable.
+    /// Matern function with `nu = 3/2`; samples are once differentiable.
     Matern32(Stationary),
-    /// Matern with `nu = 5/2`, twice differentiable.
+    /// Matern function with `nu = 5/2`; samples are twice differentiable.
     Matern52(Stationary),
-    /// Periodic in each dimension.
+    /// Function that is periodic in each dimension.
     Periodic {
         /// Variance and length scales.
         scales: Stationary,
-        /// Period, in units of the input.
+        /// Period in units of the input.
         period: f64,
     },
-    /// Linear, with one variance for each dimension.
+    /// Linear function, with one variance for each dimension.
     Linear(Vec<f64>),
-    /// A constant.
+    /// Constant with this variance.
     Bias(f64),
-    /// Independent noise.
+    /// Independent noise with this variance.
     White(f64),
-    /// Sum of kernels.
+    /// Sum of several kernels.
     Sum(Vec<Kernel>),
-    /// Product of kernels.
+    /// Product of several kernels.
     Product(Vec<Kernel>),
 }
 
@@ -114,7 +114,7 @@ impl Kernel {
         }
     }
 
-    /// Returns the logarithms of the parameters.
+    /// Returns the logarithms of all parameters.
     pub fn parameters(&self) -> Vec<f64> {
         let mut found = Vec::with_capacity(self.parameter_count());
         self.clone().each(&mut |value| found.push(value.ln()));
@@ -124,13 +124,13 @@ impl Kernel {
     /// Sets the logarithms of all parameters.
     ///
     /// # Panics
-    /// If there are fewer than [`parameter_count`](Self::parameter_count).
+    /// If `logarithms` has fewer entries than [`parameter_count`](Self::parameter_count).
     pub fn set_parameters(&mut self, logarithms: &[f64]) {
         let mut next = logarithms.iter();
         self.each(&mut |value| *value = next.next().expect("a parameter").exp());
     }
 
-    /// Returns the number of scratch rows that [`row`](Self::row) needs.
+    /// Returns the number of scratch rows required by [`row`](Self::row).
     pub fn scratch_rows(&self) -> usize {
         match self {
             Self::Sum(parts) | Self::Product(parts) => {
@@ -140,8 +140,8 @@ impl Kernel {
         }
     }
 
-    /// Writes the covariances of `query` with the points starting at `first` to `out`. `own` is the index of
-    /// the query among the points, if it is one of them. Does not allocate.
+    /// Writes to `out` the covariances of `query` with the points from index `first` on. `own` is the index
+    /// of the query among the points, if it is one of them. Does not allocate.
     ///
     /// # Panics
     /// If `scratch` has fewer than [`scratch_rows`](Self::scratch_rows) rows of the length of `out`.
@@ -206,7 +206,7 @@ impl Kernel {
     /// respect to `r^2 / 2`. Other kernels leave `slopes` unchanged.
     ///
     /// # Panics
-    /// Like [`row`](Self::row), and if `slopes` is shorter than `out`.
+    /// Same as [`row`](Self::row). Also if `slopes` is shorter than `out`.
     pub fn row_with_slopes(
         &self,
         (query, own): (&[f64], Option<usize>),
@@ -224,7 +224,7 @@ impl Kernel {
         stationary::row_with_slopes(profile, s, query, points, first, (out, slopes));
     }
 
-    /// Returns the variance at a point; includes independent noise if `own`.
+    /// Returns the variance at the point `x`. Independent noise is included if `own` is `true`.
     pub fn variance(&self, x: &[f64], own: bool) -> f64 {
         match self {
             Self::Rbf(s) | Self::Matern32(s) | Self::Matern52(s) | Self::Periodic { scales: s, .. } => {

@@ -1,6 +1,6 @@
 //! Inputs of a kernel, stored by dimension.
 
-/// Points stored one dimension after another, which makes loops over points contiguous.
+/// Points stored one dimension after the other, so that loops over points access contiguous memory.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Points {
     dimensions: usize,
@@ -45,17 +45,17 @@ impl Points {
         self.count == 0
     }
 
-    /// One coordinate of all points.
+    /// Returns one coordinate of all points.
     pub fn coordinate(&self, dimension: usize) -> &[f64] {
         &self.values[dimension * self.capacity..][..self.count]
     }
 
-    /// One coordinate of all points.
+    /// Returns one coordinate of all points for writing.
     pub fn coordinate_mut(&mut self, dimension: usize) -> &mut [f64] {
         &mut self.values[dimension * self.capacity..][..self.count]
     }
 
-    /// Copies one point.
+    /// Copies the coordinates of one point to `point`.
     pub fn copy_point(&self, index: usize, point: &mut [f64]) {
         for (d, value) in point.iter_mut().enumerate() {
             *value = self.coordinate(d)[index];
@@ -87,7 +87,7 @@ impl Points {
         self.count += 1;
     }
 
-    /// Removes a point; later points move up.
+    /// Removes a point and shifts later points down by one index.
     pub fn remove(&mut self, index: usize) {
         for d in 0..self.dimensions {
             self.coordinate_mut(d).copy_within(index + 1.., index);

@@ -5,18 +5,18 @@ use serde::{Deserialize, Serialize};
 
 use super::Points;
 
-/// Variance and length scales.
+/// Variance and length scales of a stationary kernel.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Stationary {
     /// Variance.
     pub variance: f64,
-    /// Length scales in units of the input: one for all dimensions, or one for each (automatic relevance
-    /// determination).
+    /// Length scales in units of the input: one for all dimensions, or one for each dimension (automatic
+    /// relevance determination).
     pub lengths: Vec<f64>,
 }
 
 impl Stationary {
-    /// Creates a kernel's variance and length scales.
+    /// Creates the parameters of a stationary kernel.
     pub fn new(variance: f64, lengths: &[f64]) -> Self {
         Self { variance, lengths: lengths.to_vec() }
     }

@@ -8,7 +8,7 @@ const EPSILON: f32 = 1e-8;
 /// Decay of the first and of the second moment.
 const BETA: [f32; 2] = [0.9, 0.999];
 
-/// State of Adam for all parameters of a network, in their order.
+/// State of the Adam optimiser for all parameters of a network, in order.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Adam {
     first: Vec<Vec<f32>>,
@@ -43,19 +43,21 @@ impl WithSimd for Step<'_> {
 }
 
 impl Adam {
-    /// Creates the initial state for slices of parameters with these lengths.
+    /// Creates the initial state for parameter slices of these lengths.
     pub fn new(sizes: &[usize]) -> Self {
         let zeros = || sizes.iter().map(|size| vec![0.0; *size]).collect();
         Self { first: zeros(), second: zeros(), steps: 0, epsilon: EPSILON }
     }
 
-    /// Sets the constant added to the root of the second moment. Default: 1e-8 (Kingma, Ba 2015).
+    /// Sets the constant that is added to the square root of the second moment. Default: 1e-8 (Kingma, Ba
+    /// 2015).
     #[must_use]
     pub fn with_epsilon(self, epsilon: f32) -> Self {
         Self { epsilon, ..self }
     }
 
-    /// Steps against the gradients; `decay` additionally shrinks parameters towards 0 (AdamW).
+    /// Updates the parameters by one step against the gradients with the learning rate `rate`. `decay` is the
+    /// rate of weight decay towards 0 (AdamW).
     ///
     /// # Panics
     /// If the lengths of the slices differ from the lengths passed to [`new`](Self::new).
@@ -77,7 +79,7 @@ impl Adam {
         }
     }
 
-    /// Returns the number of steps so far.
+    /// Returns the number of steps performed.
     pub fn steps(&self) -> i32 {
         self.steps
     }
@@ -87,8 +89,8 @@ impl Adam {
         [&self.first, &self.second]
     }
 
-    /// Restores the state after `steps` steps from [`moments`](Self::moments); `None` if their lengths
-    /// differ.
+    /// Restores the state after `steps` steps from [`moments`](Self::moments); `None` if the lengths of the
+    /// moments differ.
     pub fn from_moments([first, second]: [Vec<Vec<f32>>; 2], steps: i32) -> Option<Self> {
         let lengths = |moments: &[Vec<f32>]| moments.iter().map(Vec::len).collect::<Vec<_>>();
         (steps >= 0 && lengths(&first) == lengths(&second)).then_some(Self {

@@ -6,7 +6,7 @@ use rand_pcg::Pcg64;
 use super::adam::Adam;
 use super::layers::{Gradients, Linear, from_patches, patches, pool, pool_backward, relu, relu_backward};
 
-/// Side of an input image, px.
+/// Side length of an input image, px.
 pub const IMAGE_SIDE: usize = 28;
 
 const CHANNELS: [usize; 2] = [8, 16];
@@ -16,7 +16,7 @@ const GAIN: f32 = 1.0;
 /// Sides after the first convolution, its pooling, and the second convolution.
 const SIDES: [usize; 3] = [IMAGE_SIDE - 4, (IMAGE_SIDE - 4) / 2, (IMAGE_SIDE - 4) / 2 - 4];
 
-/// Two convolutions and two dense layers.
+/// A network of two convolutions and two dense layers.
 ///
 /// ```
 /// use motorium_models::networks::{ConvolutionalNetwork, IMAGE_SIDE};
@@ -48,7 +48,7 @@ struct Trace {
     out: DMatrix<f32>,
 }
 
-/// Weights (outputs x inputs) and bias of a layer.
+/// Weights (outputs x inputs) and biases of a layer.
 pub type Layer = (DMatrix<f32>, DVector<f32>);
 
 /// Returns the number of outputs and inputs of each layer.
@@ -63,12 +63,12 @@ impl ConvolutionalNetwork {
         Self { layers: sizes(outputs).map(|(outputs, inputs)| Linear::random(outputs, inputs, random)) }
     }
 
-    /// Returns the weights (outputs x inputs) and the bias of each layer.
+    /// Returns the weights (outputs x inputs) and the biases of each layer.
     pub fn layers(&self) -> impl Iterator<Item = (&DMatrix<f32>, &DVector<f32>)> {
         self.layers.iter().map(|layer| (&layer.weights, &layer.bias))
     }
 
-    /// Creates a network from [`layers`](Self::layers); `None` if their sizes do not match.
+    /// Creates a network from its [`layers`](Self::layers); `None` if their sizes do not match.
     pub fn from_layers(layers: [Layer; 4]) -> Option<Self> {
         let outputs = layers[3].0.nrows();
         let fits =
@@ -125,7 +125,8 @@ impl ConvolutionalNetwork {
         ([first_gradients, second_gradients, dense_gradients, last_gradients], loss)
     }
 
-    /// Runs one step of Adam on a batch; returns the mean loss per sample.
+    /// Runs one step of Adam on a batch, and returns the mean loss per sample. `rate` is the learning rate,
+    /// `decay` the weight decay.
     pub fn learn(
         &mut self,
         adam: &mut Adam,
@@ -165,7 +166,7 @@ impl ConvolutionalNetwork {
         loss / samples
     }
 
-    /// Returns an optimiser with a state for every parameter.
+    /// Returns an Adam optimiser for this network.
     pub fn optimiser(&self) -> Adam {
         let sizes: Vec<usize> =
             self.layers.iter().flat_map(|layer| [layer.weights.len(), layer.bias.len()]).collect();

@@ -7,11 +7,11 @@ use rand_pcg::Pcg64;
 use super::differentiable::Function;
 use super::products::{Left, Product};
 
-/// A multilayer perceptron with `tanh` between its layers, unless another [`Function`] is chosen.
+/// A multilayer perceptron with `tanh` between its layers, or another [`Function`].
 ///
-/// A batch is a matrix with one sample per column. Sums over inputs, outputs and samples run in their order
-/// with fused multiply-adds: their bits are the same on every processor, and the output of a sample does not
-/// depend on the others.
+/// A batch is a matrix with one sample per column. Sums over inputs, outputs and samples have a fixed order
+/// and use fused multiply-adds. Results are therefore bitwise equal on every processor, and the output of a
+/// sample does not depend on the other samples.
 ///
 /// ```
 /// use motorium_models::networks::{Adam, Perceptron};
@@ -133,8 +133,8 @@ fn resize(matrix: &mut DMatrix<f32>, rows: usize, columns: usize) {
     }
 }
 
-/// Inputs of all layers of a forward pass, then its output. Reusing it avoids allocation in passes over
-/// batches of the same size.
+/// Trace of a forward pass: the inputs of all layers, then the output. Reuse it to avoid allocation in passes
+/// over batches of the same size.
 #[derive(Clone, Debug, Default)]
 pub struct PerceptronTrace {
     /// Inputs of all layers, then the output.
@@ -144,23 +144,24 @@ pub struct PerceptronTrace {
 }
 
 impl PerceptronTrace {
-    /// Returns the input for `samples` samples of `inputs` numbers, one sample per column, to be overwritten.
+    /// Returns the network input for `samples` samples of `inputs` numbers, one sample per column, to be
+    /// overwritten.
     pub fn input_mut(&mut self, inputs: usize, samples: usize) -> &mut [f32] {
         self.values.resize_with(self.values.len().max(1), DMatrix::default);
         resize(&mut self.values[0], inputs, samples);
         self.values[0].as_mut_slice()
     }
 
-    /// Returns the output, one sample per column.
+    /// Returns the network output, one sample per column.
     pub fn output(&self) -> &DMatrix<f32> {
         &self.values[self.values.len() - 1]
     }
 }
 
 impl Perceptron {
-    /// Creates layers between these numbers of units with random weights. Weights are orthogonal, scaled by
-    /// the square root of 2, or by `gain` in the last layer; biases are 0 (Saxe, McClelland, Ganguli 2014;
-    /// the gains are common for policy gradients).
+    /// Creates a network with random weights; `sizes` contains the number of inputs, then the number of units
+    /// of each layer. Weights are orthogonal, scaled by the square root of 2, or by `gain` in the last layer;
+    /// biases are 0 (Saxe, McClelland, Ganguli 2014; these gains are common for policy gradients).
     ///
     /// # Panics
     ///
@@ -176,7 +177,7 @@ impl Perceptron {
         Self { layers, function: Function::Tanh }
     }
 
-    /// Replaces the function between the layers.
+    /// Replaces the activation function between the layers.
     pub fn with_function(self, function: Function) -> Self {
         Self { function, ..self }
     }
@@ -186,7 +187,7 @@ impl Perceptron {
         self.layers.iter().map(Dense::parameters).sum()
     }
 
-    /// Returns all parameters: for each layer the weights, column by column, then the bias.
+    /// Returns all parameters: for each layer the weights, column by column, then the biases.
     pub fn to_vec(&self) -> Vec<f32> {
         let slices = self.layers.iter().flat_map(|layer| [&layer.weights[..], &layer.bias]);
         slices.collect::<Vec<_>>().concat()
@@ -196,7 +197,7 @@ impl Perceptron {
     ///
     /// # Panics
     ///
-    /// If their number differs.
+    /// If the number of parameters differs.
     pub fn set(&mut self, parameters: &[f32]) {
         assert_eq!(parameters.len(), self.parameters(), "number of parameters");
         let mut rest = parameters;
@@ -207,24 +208,24 @@ impl Perceptron {
         }
     }
 
-    /// Returns the weights (outputs x inputs, row by row) and bias of each layer, as expected by
+    /// Returns the weights (outputs x inputs, row by row) and biases of each layer, as expected by
     /// [`Program::mlp`](crate::inference::Program::mlp) and [`write_mlp`](crate::onnx::write_mlp).
     pub fn rows(&self) -> Vec<(Vec<f32>, Vec<f32>)> {
         self.layers.iter().map(|layer| (layer.by_output.clone(), layer.bias.clone())).collect()
     }
 
-    /// Computes the output and stores the inputs of all layers.
+    /// Computes the output and returns it in a trace with the inputs of all layers.
     pub fn forward(&self, input: DMatrix<f32>) -> PerceptronTrace {
         let mut trace = PerceptronTrace { values: vec![input], gradients: vec![] };
         self.run(&mut trace);
         trace
     }
 
-    /// Computes the output of the [input](PerceptronTrace::input_mut) of a trace.
+    /// Computes the output for the [input](PerceptronTrace::input_mut) of a trace.
     ///
     /// # Panics
     ///
-    /// If the trace has no input, or an input with another number of units.
+    /// If the trace has no input, or an input with another number of values per sample.
     pub fn run(&self, PerceptronTrace { values, .. }: &mut PerceptronTrace) {
         assert_eq!(values.first().map(DMatrix::nrows), Some(self.layers[0].inputs), "inputs");
         values.resize_with(self.layers.len() + 1, DMatrix::default);
@@ -237,7 +238,7 @@ impl Perceptron {
         }
     }
 
-    /// Returns the gradient of a loss with respect to all parameters, summed over the batch, from its
+    /// Returns the gradient of a loss with respect to all parameters, summed over the batch. `output` is the
     /// gradient with respect to the outputs. The order is the same as in [`to_vec`](Self::to_vec).
     pub fn gradients(&self, trace: &PerceptronTrace, output: DMatrix<f32>) -> Vec<f32> {
         let mut parameters = vec![0.0; self.parameters()];
@@ -245,9 +246,9 @@ impl Perceptron {
         parameters
     }
 
-    /// Writes the [gradient](Self::gradients) with respect to all parameters. `output` computes the gradient
-    /// with respect to the outputs from the outputs, one sample after the other; numbers that it does not
-    /// write are undefined.
+    /// Writes the [gradient](Self::gradients) of a loss with respect to all parameters. `output` computes the
+    /// gradient with respect to the outputs from the outputs, one sample after the other; entries that it
+    /// does not write are undefined.
     ///
     /// # Panics
     ///
@@ -267,8 +268,8 @@ impl Perceptron {
         self.propagate(values, gradients, Some(parameters));
     }
 
-    /// Returns the gradient of a loss with respect to the inputs, one sample per column, from its gradient
-    /// with respect to the outputs.
+    /// Returns the gradient of a loss with respect to the inputs, one sample per column. `output` is the
+    /// gradient with respect to the outputs.
     pub fn input_gradients(&self, trace: &PerceptronTrace, output: DMatrix<f32>) -> DMatrix<f32> {
         let mut gradients = vec![output];
         self.propagate(&trace.values, &mut gradients, None);

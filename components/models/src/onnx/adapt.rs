@@ -6,40 +6,40 @@ use super::proto::{GraphProto, INT64, ModelProto, TensorProto};
 use super::write::{integer, node, port, tensor};
 use super::{Input, Length, Model, OnnxError};
 
-/// Mapping of a network's inputs and outputs to one observation and one action.
+/// Mapping of several inputs and outputs of a network to one observation and one action.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Adapter {
     /// Number of values of the observation.
     pub width: usize,
-    /// Sources of the inputs.
+    /// Source of each input in the observation.
     pub parts: Vec<Part>,
-    /// Name of the action's output.
+    /// Name of the output that contains the action.
     pub action: String,
-    /// Values subtracted from the action; empty for none.
+    /// Values subtracted from the action; empty means none.
     pub subtract: Vec<f32>,
-    /// Each recurrent state: its input and its output.
+    /// Names of the input and output of each recurrent state.
     pub states: Vec<(String, String)>,
 }
 
-/// The source of an input in the observation.
+/// Source of one input in the observation.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Part {
     /// Name of the input.
     pub input: String,
-    /// Index in the observation of each value of the input. With an orientation: the indices of the three
+    /// Index in the observation of each value of the input. With `orientation`, the indices of the three
     /// components of the direction of gravity. Empty for a constant input, whose values are `add`.
     pub picks: Vec<usize>,
-    /// Factors of the values; empty for 1.
+    /// Factors of the values; empty means 1.
     pub scale: Vec<f32>,
-    /// Values added after the factors; empty for none.
+    /// Offsets added after the factors; empty means 0.
     pub add: Vec<f32>,
-    /// Set if the input is a unit quaternion: the order of its values as indices of x, y, z, w. Its direction
-    /// of gravity is the observation's, and its heading is 0.
+    /// For an input that is a unit quaternion: the order of its values, as indices of x, y, z, w. The
+    /// quaternion has the direction of gravity of the observation and a heading of 0.
     pub orientation: Option<[usize; 4]>,
 }
 
 impl Part {
-    /// Creates a part without values.
+    /// Creates a part for the input named `input`, without values.
     pub fn new(input: &str) -> Self {
         Self { input: input.to_owned(), ..Self::default() }
     }
@@ -104,11 +104,11 @@ fn orientation(graph: &mut GraphProto, names: &mut Names, gravity: &str, order: 
 }
 
 impl Model {
-    /// Returns the bytes of a network with one observation in place of several inputs.
+    /// Returns the bytes of an equivalent network with one observation instead of several inputs.
     ///
     /// # Errors
     ///
-    /// [`OnnxError::Input`] or [`OnnxError::Output`] with the unknown name.
+    /// [`OnnxError::Input`] or [`OnnxError::Output`] if the adapter contains an unknown name.
     pub fn adapt(&self, adapter: &Adapter) -> Result<Vec<u8>, OnnxError> {
         adapt(&self.proto, &self.inputs(), adapter)
     }

@@ -1,6 +1,6 @@
 //! Errors of ONNX networks.
 
-/// The network cannot be read or compiled.
+/// Error of reading or compiling a network.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum OnnxError {
     /// The bytes are not a protocol buffer.
@@ -14,7 +14,7 @@ pub enum OnnxError {
     Tensor {
         /// Name of the tensor.
         name: String,
-        /// The defect, and the expected value.
+        /// Description of the defect and of the expected value.
         message: String,
     },
     /// An operator is not supported.
@@ -24,7 +24,7 @@ pub enum OnnxError {
     Operator {
         /// Name or index of the node.
         node: String,
-        /// The operator, with its domain.
+        /// Name of the operator with its domain.
         operator: String,
     },
     /// A node does not match its inputs.
@@ -32,9 +32,9 @@ pub enum OnnxError {
     Node {
         /// Name or index of the node.
         node: String,
-        /// The operator.
+        /// Name of the operator.
         operator: String,
-        /// The defect, and the expected value.
+        /// Description of the defect and of the expected value.
         message: String,
     },
     /// The shape of an input is invalid.
@@ -42,7 +42,7 @@ pub enum OnnxError {
     Input {
         /// Name of the input.
         name: String,
-        /// The defect, and the expected shape.
+        /// Description of the defect and of the expected shape.
         message: String,
     },
     /// No node computes this output.

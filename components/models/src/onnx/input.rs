@@ -3,9 +3,10 @@
 /// Length of an axis of an input.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Length {
-    /// Fixed in the file.
+    /// Length fixed in the file.
     Fixed(usize),
-    /// Chosen when the network is compiled, such as the number of rows; the name may be empty.
+    /// Length chosen when the network is compiled, such as the number of rows, with its name, which may be
+    /// empty.
     Free(String),
 }
 
@@ -14,6 +15,6 @@ pub enum Length {
 pub struct Input {
     /// Name of the tensor.
     pub name: String,
-    /// Length along each axis.
+    /// Length of each axis.
     pub shape: Vec<Length>,
 }

@@ -43,7 +43,7 @@ pub struct Model {
 }
 
 impl Model {
-    /// Reads a file.
+    /// Reads a network from the bytes of an ONNX file.
     ///
     /// # Errors
     ///
@@ -53,12 +53,14 @@ impl Model {
         if proto.graph.is_none() { Err(OnnxError::Empty) } else { Ok(Self { proto }) }
     }
 
-    /// Returns the entries of `metadata_props`, such as joint names written by exporters.
+    /// Returns the entries of `metadata_props` as pairs of key and value, such as joint names written by
+    /// exporters.
     pub fn metadata(&self) -> impl Iterator<Item = (&str, &str)> {
         self.proto.metadata_props.iter().map(|entry| (&entry.key[..], &entry.value[..]))
     }
 
-    /// Returns the inputs to be provided by the caller: those without a constant of the same name.
+    /// Returns the inputs to be provided by the caller, excluding inputs for which the file has a constant of
+    /// the same name.
     pub fn inputs(&self) -> Vec<Input> {
         let graph = self.proto.graph.iter();
         let provided = graph.flat_map(|graph| {
@@ -86,7 +88,7 @@ impl Model {
         graph.flat_map(|graph| graph.output.iter().map(|output| output.name.clone())).collect()
     }
 
-    /// Compiles the network with every free axis of length `rows`.
+    /// Compiles the network with length `rows` for every free axis.
     ///
     /// # Errors
     ///

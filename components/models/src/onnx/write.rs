@@ -120,9 +120,9 @@ fn dense(
     (name, width)
 }
 
-/// Returns the bytes of an ONNX file with a multilayer perceptron: input `obs` (rows, `inputs`), output
-/// `actions`. Each layer consists of its weights (outputs x inputs, row by row) and its bias; `activation` is
-/// applied between layers.
+/// Returns the bytes of an ONNX file with a multilayer perceptron, with the input `obs` (rows, `inputs`) and
+/// the output `actions`. Each layer consists of its weights (outputs x inputs, row by row) and its biases;
+/// `activation` is applied between layers.
 ///
 /// ```
 /// use motorium_models::{inference::Unary, onnx};
@@ -151,9 +151,9 @@ pub fn write_mlp(
     model(graph, metadata)
 }
 
-/// Returns the bytes of an ONNX file with a discrete choice. The output `actions` is the row of `table` with
-/// the largest output of a multilayer perceptron, the first row in a tie. Inputs and layers are as for
-/// [`write_mlp`]; `table` has one row for each output of the last layer.
+/// Returns the bytes of an ONNX file with a discrete choice. The output `actions` is the row of `table` that
+/// corresponds to the largest output of a multilayer perceptron; the first row wins a tie. Inputs and layers
+/// are as for [`write_mlp`]; `table` has one row for each output of the last layer.
 ///
 /// ```
 /// use motorium_models::{inference::Unary, onnx};
@@ -200,16 +200,16 @@ pub struct GruLayer {
     pub inputs: usize,
     /// Number of units.
     pub hidden: usize,
-    /// Weights of the inputs: 3 hidden x inputs, row by row; update, reset, candidate.
+    /// Weights of the inputs, 3 hidden x inputs, row by row, in the order update, reset, candidate.
     pub input_weights: Vec<f32>,
-    /// Weights of the state: 3 hidden x hidden.
+    /// Weights of the state, 3 hidden x hidden, in the same order.
     pub state_weights: Vec<f32>,
     /// Biases: 3 hidden for the inputs, then 3 hidden for the state.
     pub bias: Vec<f32>,
 }
 
-/// Returns the bytes of an ONNX file with a GRU followed by dense layers, one step per run: inputs `obs`
-/// (rows, inputs) and `h_in` (1, rows, hidden), outputs `actions` and `h_out`.
+/// Returns the bytes of an ONNX file with a GRU followed by dense layers, one step per run. Inputs are `obs`
+/// (rows, inputs) and `h_in` (1, rows, hidden), outputs are `actions` and `h_out`.
 pub fn write_gru(
     gru: &GruLayer,
     layers: &[(Vec<f32>, Vec<f32>)],

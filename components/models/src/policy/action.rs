@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::numbers::{finite, one, zero};
 use super::{JointTarget, JointTargets, Numbers, PolicyError, TwistRanges, is_ordered};
 
-/// Quantity commanded by an action.
+/// Quantity that an action commands.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ActionKind {
@@ -21,20 +21,20 @@ pub enum ActionKind {
     BaseTwist,
 }
 
-/// Definition of a network's outputs.
+/// Mapping of a network's outputs to commands.
 ///
 /// The target of a joint is `default_pose + offset + scale clamp(output, clip)`; the default pose applies to
-/// positions only. A base twist has `twist` in place of joints, and outputs from -1 to 1.
+/// positions only. A base twist has `twist` instead of joints, and outputs from -1 to 1.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Action {
-    /// Joint of each output. Required, except for a base twist, which has none.
+    /// Joint of each output. Required, except for a base twist, which has no joints.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub joints: Vec<String>,
-    /// Quantity commanded. Default: position.
+    /// Quantity that the action commands. Default: position.
     #[serde(default)]
     pub kind: ActionKind,
-    /// Factor of the action, for all joints or each. Default: 1.
+    /// Factor of the action: one number for all joints, or one per joint. Default: 1.
     #[serde(default = "one")]
     pub scale: Numbers,
     /// Offset added after the factor, in addition to the default pose. Default: 0.
@@ -43,13 +43,13 @@ pub struct Action {
     /// Pose of a zero action \[rad or m\], in the order of `joints`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub default_pose: Vec<f64>,
-    /// Bounds of the network's outputs before the factor. Default: unbounded.
+    /// Minimum and maximum of the network's outputs before the factor. Default: unbounded.
     #[serde(default)]
     pub clip: Option<[f64; 2]>,
-    /// Stiffness of the drives \[Nm/rad or N/m\]. Default: the robot's profile.
+    /// Stiffness of the drives \[Nm/rad or N/m\]. Default: the gains of the robot's profile.
     #[serde(default)]
     pub kp: Option<Numbers>,
-    /// Damping of the drives \[Nms/rad or Ns/m\]. Default: the robot's profile.
+    /// Damping of the drives \[Nms/rad or Ns/m\]. Default: the gains of the robot's profile.
     #[serde(default)]
     pub kd: Option<Numbers>,
     /// Ranges of a base twist; only for `kind = "base_twist"`.
@@ -58,7 +58,7 @@ pub struct Action {
 }
 
 impl Action {
-    /// Returns the number of the network's outputs: one for each joint, or for each range of a base twist.
+    /// Returns the number of the network's outputs: one per joint, or one per range of a base twist.
     pub fn outputs(&self) -> usize {
         self.joints.len() + self.twist.map_or(0, |twist| twist.outputs())
     }
@@ -72,7 +72,7 @@ impl Action {
     ///
     /// # Errors
     ///
-    /// [`PolicyError::Value`] with the key.
+    /// [`PolicyError::Value`] with the key of the first invalid value.
     pub fn check(&self, prefix: &str) -> Result<(), PolicyError> {
         let wrong =
             |key: &str, message: String| Err(PolicyError::Value { key: format!("{prefix}{key}"), message });
@@ -133,12 +133,12 @@ impl Action {
         Ok(())
     }
 
-    /// Maps actions to the joints of a robot, in the robot's order. Joints that the policy does not command
-    /// are unaffected; a base twist commands none.
+    /// Creates the mapping from actions to the joints of a robot, in the robot's order. Joints that the
+    /// policy does not command are unaffected; a base twist commands no joints.
     ///
     /// # Errors
     ///
-    /// [`PolicyError::Joints`] with the joints missing from the robot.
+    /// [`PolicyError::Joints`] if the robot lacks a joint of the policy.
     pub fn joint_targets(&self, robot: &[impl AsRef<str>]) -> Result<JointTargets, PolicyError> {
         let (mut targets, mut missing) = (Vec::new(), Vec::new());
         for (index, name) in self.joints.iter().enumerate() {

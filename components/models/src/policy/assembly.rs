@@ -2,7 +2,7 @@
 
 use super::{Observation, Policy};
 
-/// Observation of a running policy. Only [`new`](Self::new) allocates.
+/// A buffer that assembles the observation of a running policy. Only [`new`](Self::new) allocates.
 ///
 /// ```
 /// use motorium_models::policy::{Assembly, Policy};
@@ -41,7 +41,7 @@ struct Window {
 }
 
 impl Assembly {
-    /// Creates the observation of a policy without values.
+    /// Creates the empty observation of a policy.
     pub fn new(policy: &Policy) -> Self {
         let window = |observation: &Observation| {
             let width = policy.width(observation);
@@ -55,25 +55,26 @@ impl Assembly {
         Self { terms: policy.observations.iter().map(window).collect() }
     }
 
-    /// Returns the size of one step of a term.
+    /// Returns the number of values of a term in one step.
     ///
     /// # Panics
     ///
-    /// If the index is out of range.
+    /// If `term` is out of range.
     pub fn width(&self, term: usize) -> usize {
         self.terms[term].scale.len()
     }
 
-    /// Clears all histories at the start of an episode: the next value of a term fills its history.
+    /// Clears all histories at the start of an episode. The next value of a term then fills its whole
+    /// history.
     pub fn reset(&mut self) {
         self.terms.iter_mut().for_each(|term| term.is_filled = false);
     }
 
-    /// Appends the value of a term at one step, after applying its bounds and then its factors.
+    /// Appends the values of a term in one step, clamped to its bounds and then scaled by its factors.
     ///
     /// # Panics
     ///
-    /// If the index is out of range, or `values` differs in length from the term.
+    /// If `term` is out of range, or `values` does not have the length of the term.
     pub fn push(&mut self, term: usize, values: &[f64]) {
         let Window { scale, clip: [low, high], values: window, is_filled } = &mut self.terms[term];
         assert_eq!(values.len(), scale.len(), "number of values of term {term}");
@@ -89,11 +90,11 @@ impl Assembly {
         }
     }
 
-    /// Writes all terms in order.
+    /// Writes the observation: all terms in order.
     ///
     /// # Panics
     ///
-    /// If `input` differs in length from the observation.
+    /// If the length of `input` differs from the size of the observation.
     pub fn write(&self, input: &mut [f32]) {
         let mut rest = input;
         for Window { values, .. } in &self.terms {

@@ -15,81 +15,81 @@ const MOST_AHEAD: u64 = 10_000_000_000;
 /// Timing of the transition between chunks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ChunkTiming {
-    /// Time for which the previous plan remains active \[ns\].
+    /// Time for which the previous plan remains active after the arrival of a chunk \[ns\].
     pub frozen: u64,
     /// Duration of the blend into the new chunk \[ns\].
     pub blend: u64,
 }
 
-/// A chunk of actions.
+/// A chunk of consecutive actions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Chunk<'a> {
-    /// Time of the first action \[ns\]; 0 for the time of arrival.
+    /// Time of the first action \[ns\]; 0 means the time of arrival.
     pub time: u64,
     /// Time between two actions \[ns\], above 0.
     pub period: u64,
     /// Sequence number assigned by the producer.
     pub sequence: u64,
-    /// Number of values of each action.
+    /// Number of values of an action.
     pub width: usize,
-    /// Values, action by action.
+    /// Values of all actions, one action after the other.
     pub values: &'a [f64],
 }
 
-/// Delay of an accepted chunk.
+/// Timing of an accepted chunk on arrival.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ChunkArrival {
-    /// Number of actions of the chunk.
+    /// Number of actions in the chunk.
     pub actions: usize,
-    /// Number of actions already over when the chunk arrived.
+    /// Number of actions whose time had passed when the chunk arrived.
     pub late: usize,
-    /// Time between the first action and the arrival \[ns\]; 0 if the chunk arrived before it.
+    /// Delay of the arrival after the first action \[ns\]; 0 if the chunk arrived before its first action.
     pub delay: u64,
 }
 
-/// The chunk was not accepted.
+/// Error of a chunk that was not accepted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ChunkError {
-    /// The width of the actions differs from the policy's.
-    #[error("actions of {found} numbers, expected {expected}, one for each joint")]
+    /// The number of values per action differs from the policy's.
+    #[error("each action has {found} numbers, expected {expected}, one for each joint")]
     Width {
-        /// Number of values of each action.
+        /// Number of values of an action.
         found: usize,
         /// Number of joints of the policy.
         expected: usize,
     },
-    /// The chunk contains no action, or a partial one.
-    #[error("{count} numbers, expected whole actions of {width}")]
+    /// The chunk contains no action, or an incomplete action.
+    #[error("the chunk has {count} numbers, expected whole actions of {width} numbers")]
     Uneven {
         /// Number of values of the chunk.
         count: usize,
-        /// Number of values of each action.
+        /// Number of values of an action.
         width: usize,
     },
     /// The chunk has more values than the plan can store.
-    #[error("{count} numbers, expected at most {most}")]
+    #[error("the chunk has {count} numbers, expected at most {most}")]
     Long {
         /// Number of values of the chunk.
         count: usize,
-        /// Largest number of values.
+        /// Maximum number of values.
         most: usize,
     },
     /// The period is 0, or the end of the chunk overflows the clock.
-    #[error("a period of {period} ns, expected above 0 and an end within the clock")]
+    #[error("the period is {period} ns, expected more than 0 and an end within the range of the clock")]
     Period {
         /// Time between two actions \[ns\].
         period: u64,
     },
-    /// The first action is too far ahead.
-    #[error("the first action is {ahead} ns ahead, expected at most 10 s")]
+    /// The first action is too far in the future.
+    #[error("the first action is {ahead} ns in the future, expected at most 10 s")]
     Future {
-        /// Lead over the current time \[ns\].
+        /// Lead of the first action over the current time \[ns\].
         ahead: u64,
     },
     /// The chunk has already been accepted.
     #[error("the chunk repeats the current chunk")]
     Repeated,
-    /// The chunk is older than the current one.
+    /// The chunk starts before the current chunk.
     #[error("the chunk starts {by} ns before the current chunk")]
     OutOfOrder {
         /// Difference between the times of the first actions \[ns\].
@@ -139,7 +139,7 @@ impl Track {
     }
 }
 
-/// A plan of joint targets composed of chunks. Only [`new`](Self::new) allocates.
+/// A plan of joint targets composed of successive chunks. Only [`new`](Self::new) allocates.
 ///
 /// ```
 /// use motorium_models::policy::{Chunk, ChunkPlan, ChunkTiming};
@@ -189,7 +189,7 @@ impl ChunkPlan {
         }
     }
 
-    /// Clears all chunks and rests at `targets`.
+    /// Discards all chunks and holds `targets`.
     ///
     /// # Panics
     ///
@@ -204,12 +204,12 @@ impl ChunkPlan {
         (self.current.steps > 0).then(|| self.current.end())
     }
 
-    /// Accepts a chunk that arrives at `now` \[ns\], and blends into it. `target` converts a joint's value in
-    /// an action to its target.
+    /// Accepts a chunk that arrives at the time `now` \[ns\], and blends into it. `target(joint, value)` must
+    /// convert a joint's value in an action to the target of the joint.
     ///
     /// # Errors
     ///
-    /// [`ChunkError`]; the plan is then unchanged.
+    /// [`ChunkError`] if the chunk is invalid or too late. The plan is then unchanged.
     pub fn accept(
         &mut self,
         now: u64,
@@ -271,7 +271,7 @@ impl ChunkPlan {
         (self.before.start, self.before.period, self.before.steps) = (now, period, FADE_POINTS);
     }
 
-    /// Writes the targets at a time \[ns\].
+    /// Writes the joint targets at the time `now` \[ns\].
     ///
     /// # Panics
     ///

@@ -1,30 +1,30 @@
 //! The error of reading a policy.
 
-/// The policy is invalid.
+/// Error of an invalid policy.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum PolicyError {
-    /// The file does not parse.
+    /// The file is not valid TOML of the expected form.
     #[error("line {line}, column {column}: {message}")]
     Parse {
         /// Line, from 1.
         line: usize,
         /// Column, from 1.
         column: usize,
-        /// The defect and the expected syntax.
+        /// Description of the defect and of the expected syntax.
         message: String,
     },
     /// A value is out of range.
     #[error("`{key}`: {message}")]
     Value {
-        /// The key.
+        /// Key of the value.
         key: String,
-        /// The value found and the value expected.
+        /// Description of the value found and the value expected.
         message: String,
     },
-    /// The joints of the policy and the robot differ.
+    /// The robot lacks joints of the policy.
     #[error("{message}; help: rename the joints in `action.joints`, in the order of the network's outputs")]
     Joints {
-        /// The missing joints.
+        /// Description of the missing joints.
         message: String,
     },
 }

@@ -9,15 +9,15 @@ use crate::onnx::{Model, OnnxError};
 /// Name of the file that describes a policy.
 const FILE: &str = "policy.toml";
 
-/// A policy and the location of its files.
+/// A policy with the location of its files.
 #[derive(Clone, Debug)]
 pub struct PolicyFolder {
-    /// The policy.
+    /// Content of `policy.toml`.
     pub policy: Policy,
     file: PathBuf,
 }
 
-/// A policy on disk is unusable.
+/// Error of loading a policy from disk.
 #[derive(Debug, thiserror::Error)]
 pub enum PolicyFolderError {
     /// A file cannot be read.
@@ -25,7 +25,7 @@ pub enum PolicyFolderError {
     Read {
         /// Path of the file.
         path: PathBuf,
-        /// The reason.
+        /// Error of the operating system.
         reason: std::io::Error,
     },
     /// `policy.toml` is not valid.
@@ -33,7 +33,7 @@ pub enum PolicyFolderError {
     Policy {
         /// Path of the file.
         path: PathBuf,
-        /// The reason.
+        /// Reason why it is invalid.
         reason: PolicyError,
     },
     /// The network cannot be read or compiled.
@@ -41,7 +41,7 @@ pub enum PolicyFolderError {
     Onnx {
         /// Path of the file.
         path: PathBuf,
-        /// The reason.
+        /// Reason why it cannot be used.
         reason: OnnxError,
     },
     /// The network does not match the policy.
@@ -49,36 +49,40 @@ pub enum PolicyFolderError {
     Network {
         /// Path of the file.
         path: PathBuf,
-        /// The difference.
+        /// Description of the difference.
         reason: NetworkMismatch,
     },
 }
 
-/// The inputs or outputs of a network differ from its policy.
+/// Difference between the inputs or outputs of a network and its policy.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum NetworkMismatch {
-    /// The observation has a different width.
-    #[error("the first input is {found:?}, expected {expected} numbers in a row as in `observations`")]
+    /// The network reads an observation of another size.
+    #[error(
+        "the first input has the shape {found:?}, expected one row of {expected} numbers as in `observations`"
+    )]
     Inputs {
-        /// Shape of the first input; empty without one.
+        /// Shape of the first input; empty if the network has no input.
         found: Vec<usize>,
         /// Size of the observation.
         expected: usize,
     },
-    /// The action has a different width.
-    #[error("the first output is {found:?}, expected {expected} numbers in a row as in `action`")]
+    /// The network computes an action of another size.
+    #[error(
+        "the first output has the shape {found:?}, expected one row of {expected} numbers as in `action`"
+    )]
     Outputs {
-        /// Shape of the first output; empty without one.
+        /// Shape of the first output; empty if the network has no output.
         found: Vec<usize>,
-        /// Numbers of the action.
+        /// Number of values of the action.
         expected: usize,
     },
     /// The recurrent inputs do not match the recurrent outputs.
     #[error(
-        "input \"{input}\" has no recurrent state to read; help: the outputs behind the action are expected in the order and with the shapes of the inputs behind the observation"
+        "the recurrent input \"{input}\" has no matching output; help: give the outputs after the action the order and the shapes of the inputs after the observation"
     )]
     State {
-        /// Name of the input.
+        /// Name of the recurrent input.
         input: String,
     },
     /// The initial states do not match the recurrent inputs.
@@ -92,11 +96,11 @@ pub enum NetworkMismatch {
 }
 
 impl PolicyFolder {
-    /// Reads the policy at `path`: a folder with `policy.toml`, or that file.
+    /// Reads a policy. `path` is a folder with a `policy.toml`, or the path of this file.
     ///
     /// # Errors
     ///
-    /// [`PolicyFolderError`] with the file.
+    /// [`PolicyFolderError`] with the path of the unreadable or invalid file.
     pub fn read(path: &Path) -> Result<Self, PolicyFolderError> {
         let file = if path.is_file() { path.to_owned() } else { path.join(FILE) };
         match std::fs::read_to_string(&file) {
@@ -108,16 +112,16 @@ impl PolicyFolder {
         }
     }
 
-    /// Returns the path of the file that describes the policy.
+    /// Returns the path of `policy.toml`.
     pub fn file(&self) -> &Path {
         &self.file
     }
 
-    /// Reads and compiles the network for one observation.
+    /// Reads and compiles the network of the policy for one observation.
     ///
     /// # Errors
     ///
-    /// [`PolicyFolderError`] with the file of the network.
+    /// [`PolicyFolderError`] with the path of the network.
     pub fn network(&self) -> Result<PolicyNetwork, PolicyFolderError> {
         let path = self.file.with_file_name(&self.policy.network);
         let bytes = match std::fs::read(&path) {
@@ -133,8 +137,9 @@ impl PolicyFolder {
     }
 }
 
-/// The network of a policy. Its first input is the observation, and its first output is the action. Further
-/// inputs are recurrent states, in the order of the further outputs. Running it does not allocate.
+/// The compiled network of a policy. Its first input is the observation, and its first output is the action.
+/// Further inputs are recurrent states, in the order of the further outputs. Running the network does not
+/// allocate.
 #[derive(Clone, Debug)]
 pub struct PolicyNetwork {
     program: Program,
@@ -144,7 +149,7 @@ pub struct PolicyNetwork {
 }
 
 impl PolicyNetwork {
-    /// Wraps a network compiled for one observation of `policy`.
+    /// Creates the network of `policy` from a program compiled for one observation.
     ///
     /// # Errors
     ///
@@ -181,7 +186,7 @@ impl PolicyNetwork {
         Ok(network)
     }
 
-    /// Resets the recurrent states to their initial values, at the start of an episode.
+    /// Resets the recurrent states to their initial values. Call this at the start of an episode.
     pub fn reset(&mut self) {
         for index in 1..self.states {
             let state = self.program.input_mut(index);
@@ -192,12 +197,12 @@ impl PolicyNetwork {
         }
     }
 
-    /// Returns the observation; write it before [`run`](Self::run).
+    /// Returns the observation, to be written before [`run`](Self::run).
     pub fn observation_mut(&mut self) -> &mut [f32] {
         self.program.input_mut(0)
     }
 
-    /// Computes the action, and passes the recurrent states to the next run.
+    /// Runs the network and returns the action. The recurrent states are kept for the next run.
     pub fn run(&mut self) -> &[f32] {
         self.program.run();
         (1..self.states).for_each(|index| self.program.feed_back(index, index));

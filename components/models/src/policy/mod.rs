@@ -58,51 +58,51 @@ pub use robot::{RobotDifference, RobotDigest};
 pub use targets::{JointTarget, JointTargets};
 pub use twist::TwistRanges;
 
-/// A policy as described by `policy.toml`.
+/// Content of a `policy.toml`, which describes a policy.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Policy {
-    /// File of the network, relative to the folder.
+    /// Path of the network's file, relative to the folder of `policy.toml`.
     pub network: String,
-    /// Rate at which the policy was trained \[Hz\], above 0.
+    /// Rate at which the policy was trained \[Hz\], more than 0.
     pub rate: f64,
     /// Robot for which the policy was trained, as listed by `motorium robot list`.
     pub robot: Option<String>,
-    /// Values of each recurrent state at the start of an episode, in the order of the network's inputs after
-    /// the observation. Default: zeros.
+    /// Initial values of each recurrent state at the start of an episode, in the order of the network's
+    /// inputs after the observation. Default: zeros.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub initial_states: Vec<Vec<f32>>,
     /// Observation terms, in the order of the network's inputs.
     pub observations: Vec<Observation>,
-    /// Definition of the network's outputs.
+    /// Mapping of the network's outputs to commands.
     pub action: Action,
-    /// Pattern generator commanded by the action. Default: the action commands the joints directly.
+    /// Pattern generator that the action commands. Default: the action commands the joints directly.
     pub pattern: Option<Pattern>,
     /// Digest of the robot for which the policy was trained. Default: robots are compared by joint names
     /// only.
     pub robot_digest: Option<RobotDigest>,
 }
 
-/// A part of the observation.
+/// A term of the observation.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Observation {
-    /// The quantity.
+    /// Quantity that is observed.
     pub term: Term,
-    /// Factor of all its numbers, or of each. Default: 1.
+    /// Factor of the term's values: one number for all, or one per value. Default: 1.
     #[serde(default = "one")]
     pub scale: Numbers,
-    /// Bounds before the factor. Default: unbounded.
+    /// Minimum and maximum of the values before the factor. Default: unbounded.
     pub clip: Option<[f64; 2]>,
-    /// Number of steps, the newest last. Default: 1. Range: 1 to 64.
+    /// Number of steps of history, the newest last, 1 to 64. Default: 1.
     #[serde(default = "single")]
     pub history: usize,
-    /// Number of rays; only for a height scan.
+    /// Number of rays. Only for a height scan.
     pub rays: Option<usize>,
-    /// Duration of one gait cycle \[s\], above 0; only for the phase.
+    /// Duration of one gait cycle \[s\], more than 0. Only for the phase.
     pub period: Option<f64>,
-    /// A point and its reference point (default: the origin of the world). Only for the position and the
-    /// velocity of a point. A point is the origin of a link, the centre of an object, or [`TARGET`].
+    /// A point and, optionally, its reference point (default: the origin of the world). Only for the position
+    /// and the velocity of a point. A point is the origin of a link, the centre of an object, or [`TARGET`].
     pub points: Option<Vec<String>>,
 }
 
@@ -110,13 +110,13 @@ pub struct Observation {
 pub const TARGET: &str = "target";
 
 impl Observation {
-    /// Creates a term with a factor of 1, without bounds and history.
+    /// Creates a term with a factor of 1, without bounds or history.
     pub fn new(term: Term) -> Self {
         Self { term, scale: one(), clip: None, history: single(), rays: None, period: None, points: None }
     }
 }
 
-/// A quantity observed by a policy.
+/// A quantity that a policy observes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Term {
@@ -126,21 +126,21 @@ pub enum Term {
     BaseAngularVelocity,
     /// Direction of gravity in the frame of the base.
     ProjectedGravity,
-    /// Desired velocity: forward, left \[m/s\], turn \[rad/s\].
+    /// Desired velocity: forwards and to the left \[m/s\], yaw rate \[rad/s\].
     Command,
     /// Joint positions relative to the default pose \[rad or m\].
     JointPositions,
     /// Joint velocities \[rad/s or m/s\].
     JointVelocities,
-    /// The action of the previous step.
+    /// Action of the previous step.
     LastAction,
-    /// Heights around the robot \[m\].
+    /// Heights of the surface around the robot \[m\].
     HeightScan,
     /// Sine and cosine of the gait phase.
     Phase,
-    /// Position of a point, relative to another if there are two, in world axes \[m\].
+    /// Position of a point in world axes \[m\], relative to the reference point if given.
     PointPosition,
-    /// Velocity of a point, relative to another if there are two, in world axes \[m/s\].
+    /// Velocity of a point in world axes \[m/s\], relative to the reference point if given.
     PointVelocity,
 }
 
@@ -162,8 +162,8 @@ impl Term {
         }
     }
 
-    /// Returns the message that contains the quantity; `None` for quantities computed by the policy. The
-    /// target of a point is in another message, `motorium.PoseTarget`.
+    /// Returns the name of the message that contains the quantity; `None` for quantities computed by the
+    /// policy. The target of a point is in another message, `motorium.PoseTarget`.
     pub fn message(self) -> Option<&'static str> {
         Some(match self {
             Self::BaseLinearVelocity => "motorium.BaseState",
@@ -191,7 +191,7 @@ impl Policy {
     ///
     /// # Errors
     ///
-    /// [`PolicyError`] with the line and column, or the key.
+    /// [`PolicyError`] with the line and column of a syntax error, or the key of an invalid value.
     pub fn parse(text: &str) -> Result<Self, PolicyError> {
         let policy: Self = toml::from_str(text).map_err(|error| {
             let start = error.span().map_or(0, |span| span.start).min(text.len());
@@ -204,7 +204,7 @@ impl Policy {
         Ok(policy)
     }
 
-    /// Returns the text of the `policy.toml`.
+    /// Returns the policy as the text of a `policy.toml`.
     ///
     /// # Errors
     ///
@@ -288,7 +288,7 @@ impl Policy {
         self.inputs().map(drop)
     }
 
-    /// Returns the size of one step of a term.
+    /// Returns the number of values of a term in one step.
     pub fn width(&self, observation: &Observation) -> usize {
         match observation.term {
             Term::BaseLinearVelocity
@@ -304,16 +304,17 @@ impl Policy {
         }
     }
 
-    /// Returns the number of the network's outputs: the action's, and [`Pattern::OUTPUTS`] with a pattern.
+    /// Returns the number of the network's outputs: the outputs of the action, plus [`Pattern::OUTPUTS`] with
+    /// a pattern generator.
     pub fn outputs(&self) -> usize {
         self.action.outputs() + self.pattern.as_ref().map_or(0, |_| Pattern::OUTPUTS)
     }
 
-    /// Returns the size of the whole observation, histories included.
+    /// Returns the number of values of the whole observation, including histories.
     ///
     /// # Errors
     ///
-    /// [`PolicyError::Value`] if there is no term, or the observation is too large.
+    /// [`PolicyError::Value`] if there are no terms, or the observation is too large.
     pub fn inputs(&self) -> Result<usize, PolicyError> {
         let widths = self.observations.iter().map(|term| self.width(term).checked_mul(term.history));
         let sum = widths.into_iter().try_fold(0_usize, |sum, width| sum.checked_add(width?));
@@ -323,12 +324,12 @@ impl Policy {
         })
     }
 
-    /// Maps actions to the joints of a robot, in the robot's order. Joints that the policy does not command
-    /// are unaffected; a base twist commands none.
+    /// Creates the mapping from actions to the joints of a robot, in the robot's order. Joints that the
+    /// policy does not command are unaffected; a base twist commands no joints.
     ///
     /// # Errors
     ///
-    /// [`PolicyError::Joints`] with the joints missing from the robot.
+    /// [`PolicyError::Joints`] if the robot lacks a joint of the policy.
     pub fn joint_targets(&self, robot: &[impl AsRef<str>]) -> Result<JointTargets, PolicyError> {
         self.action.joint_targets(robot)
     }

@@ -5,22 +5,22 @@ use serde::{Deserialize, Serialize};
 
 use super::PolicyError;
 
-/// One number for all, or one for each.
+/// One number for all elements, or one per element.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(untagged, expecting = "expected one number, or a list of numbers")]
 pub enum Numbers {
     /// The same number for all elements.
     All(f64),
-    /// One number for each element, in the order of the policy's joints or of the term's values.
+    /// One number per element, in the order of the policy's joints or of the term's values.
     Each(Vec<f64>),
 }
 
 impl Numbers {
-    /// Returns the number for `index`.
+    /// Returns the number for the element `index`.
     ///
     /// # Panics
     ///
-    /// If the index is beyond the end of the list.
+    /// If `index` is beyond the end of the list.
     pub fn get(&self, index: usize) -> f64 {
         match self {
             Self::All(value) => *value,

@@ -13,12 +13,12 @@ pub struct BaseMotion {
     pub linear_velocity: [f64; 3],
     /// Angular velocity \[rad/s\].
     pub angular_velocity: [f64; 3],
-    /// Direction of gravity; zero for a robot without a floating base.
+    /// Unit vector along gravity; zero for a robot without a floating base.
     pub gravity: [f64; 3],
 }
 
-/// Returns the direction of gravity in the frame of a base with this orientation in the world (x y z w),
-/// which is normalised first. `None` for a norm below 0.5.
+/// Returns the unit vector along gravity in the frame of a base with this orientation in the world (x y z w).
+/// The quaternion is normalised first. Returns `None` if its norm is below 0.5.
 ///
 /// ```
 /// use motorium_models::policy::projected_gravity;
@@ -37,19 +37,19 @@ pub fn projected_gravity([x, y, z, w]: [f64; 4]) -> Option<[f64; 3]> {
 /// Measurements at one step of a policy.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Measurements<'a> {
-    /// Positions of the robot's joints, in its order \[rad or m\].
+    /// Positions of the robot's joints, in the robot's order \[rad or m\].
     pub positions: &'a [f64],
-    /// Velocities of the robot's joints, in its order \[rad/s or m/s\].
+    /// Velocities of the robot's joints, in the robot's order \[rad/s or m/s\].
     pub velocities: &'a [f64],
     /// Motion of the base.
     pub base: BaseMotion,
-    /// Desired velocity: forward, left \[m/s\], turn \[rad/s\].
+    /// Desired velocity: forwards and to the left \[m/s\], yaw rate \[rad/s\].
     pub command: [f64; 3],
-    /// The action of the previous step, within its bounds; zero at the start of an episode.
+    /// Action of the previous step, within its bounds; zero at the start of an episode.
     pub last_action: &'a [f64],
-    /// Heights around the robot \[m\].
+    /// Heights of the surface around the robot \[m\].
     pub heights: &'a [f32],
-    /// The position or velocity of each term of a point, in the order of the observations.
+    /// Position or velocity for each term with a point, in the order of the observations \[m or m/s\].
     pub points: &'a [[f64; 3]],
     /// Time since the start of the episode \[s\].
     pub time: f64,
@@ -58,8 +58,8 @@ pub struct Measurements<'a> {
 /// Computes the observation of a policy: selects the joints, applies bounds and scales, and keeps histories.
 /// Only [`new`](Self::new) allocates.
 ///
-/// The environments of learners, `learner.task` and `policy.network` share it, so a policy observes the same
-/// numbers in all of them.
+/// The learning environments, `learner.task` and `policy.network` share this type, so a policy observes the
+/// same values in all of them.
 ///
 /// ```
 /// use motorium_models::policy::{Measurements, Observer, Policy};
@@ -115,27 +115,27 @@ impl Observer {
         })
     }
 
-    /// Returns the minimum number of joints in measurements.
+    /// Returns the minimum number of joints in the measurements.
     pub fn joints(&self) -> usize {
         self.joints.iter().map(|(joint, _)| joint + 1).max().unwrap_or(0)
     }
 
-    /// Returns the number of heights in measurements, or `None` without a height scan.
+    /// Returns the number of heights in the measurements; `None` without a height scan.
     pub fn heights(&self) -> Option<usize> {
         let scan = self.terms.iter().position(|(term, _)| *term == Term::HeightScan);
         scan.map(|index| self.assembly.width(index))
     }
 
-    /// Clears all histories, at the start of an episode.
+    /// Clears all histories. Call this at the start of an episode.
     pub fn reset(&mut self) {
         self.assembly.reset();
     }
 
-    /// Adds the measurements of one step.
+    /// Adds the measurements of one step to the observation.
     ///
     /// # Panics
     ///
-    /// If a term reads measurements with the wrong length: fewer joints than [`joints`](Self::joints),
+    /// If measurements that a term reads have the wrong length: fewer joints than [`joints`](Self::joints),
     /// another number of actions than the policy's, another number of heights than
     /// [`heights`](Self::heights), or too few points.
     pub fn observe(&mut self, measured: &Measurements<'_>) {
@@ -180,7 +180,7 @@ impl Observer {
     ///
     /// # Panics
     ///
-    /// If `observation` has the wrong length.
+    /// If the length of `observation` is wrong.
     pub fn write(&self, observation: &mut [f32]) {
         self.assembly.write(observation);
     }

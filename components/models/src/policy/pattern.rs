@@ -5,31 +5,32 @@ use serde::{Deserialize, Serialize};
 use super::{Action, ActionKind, PolicyError};
 
 /// A central pattern generator between the network and the drives. The action then commands the centre of
-/// each joint's oscillation, and two additional numbers command the frequency and the amplitude. Their range
-/// is mapped to the bounds `action.clip`: its first value to the lower bound, its second to the upper.
+/// each joint's oscillation. Two additional outputs command the frequency and the amplitude: the bounds
+/// `action.clip` of an output are mapped to the ends of the range given here.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Pattern {
     /// Name of the gait, as in `policy.cpg`.
     pub gait: String,
-    /// Range of the stride frequency \[Hz\], from 0 to 20.
+    /// Range of the stride frequency \[Hz\], 0 to 20.
     pub frequency: [f64; 2],
-    /// Range of the factor of all amplitudes, from 0 to 2.
+    /// Range of the factor of all amplitudes, 0 to 2.
     pub amplitude: [f64; 2],
     /// Rate at which joints converge to the gait \[1/s\], at least 0. Default: 5.
     #[serde(default = "five")]
     pub coupling: f64,
-    /// Joints of each leg that oscillate, legs in the order of the gait. All are joints of the action.
+    /// Oscillating joints of each leg, with the legs in the order of the gait. All must be joints of the
+    /// action.
     pub legs: Vec<Vec<PatternJoint>>,
 }
 
-/// The oscillation of a joint: `centre + amplitude cos(phase of the leg + phase)`.
+/// Oscillation of a joint: `centre + amplitude cos(phase of the leg + phase)`.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct PatternJoint {
     /// Name of the joint.
     pub joint: String,
-    /// Amplitude \[rad or m\].
+    /// Amplitude of the oscillation \[rad or m\].
     pub amplitude: f64,
     /// Phase lead relative to the leg \[rad\]. Default: 0.
     #[serde(default)]
@@ -41,11 +42,11 @@ fn five() -> f64 {
 }
 
 impl Pattern {
-    /// Number of additional values of an action, after the joints': frequency and amplitude.
+    /// Number of additional outputs after the outputs of the joints: frequency and amplitude.
     pub const OUTPUTS: usize = 2;
 
-    /// Returns the frequency and amplitude for the outputs after the joints', which are within the bounds
-    /// `clip`.
+    /// Returns the frequency \[Hz\] and the amplitude factor commanded by the additional `outputs`, which are
+    /// within the bounds `clip`.
     pub fn parameters(&self, outputs: [f64; Self::OUTPUTS], clip: [f64; 2]) -> [f64; Self::OUTPUTS] {
         let value = |output: f64, range: [f64; 2]| {
             let share = (output - clip[0]) / (clip[1] - clip[0]);

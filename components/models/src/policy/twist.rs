@@ -6,7 +6,8 @@ use serde::{Deserialize, Serialize};
 use super::PolicyError;
 
 /// Ranges of a base twist, in the axes of the base. The network has one output for each given range, in the
-/// order of the fields: -1 commands the lower end, 1 the upper end. Velocities without a range are 0.
+/// order of the fields. An output of -1 commands the lower end of the range, 1 the upper end. Velocities
+/// without a range are 0.
 ///
 /// ```
 /// use motorium_models::policy::TwistRanges;
@@ -19,23 +20,23 @@ use super::PolicyError;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TwistRanges {
-    /// Velocity forwards \[m/s\]. Default: not commanded.
+    /// Range of the velocity forwards \[m/s\]. Default: not commanded.
     #[serde(default)]
     pub forward: Option<[f64; 2]>,
-    /// Velocity to the left \[m/s\], for a base with mecanum wheels or with pose joints. Default: not
-    /// commanded.
+    /// Range of the velocity to the left \[m/s\], for a base with mecanum wheels or with pose joints.
+    /// Default: not commanded.
     #[serde(default)]
     pub left: Option<[f64; 2]>,
-    /// Rate of turn to the left \[rad/s\]. Default: not commanded.
+    /// Range of the yaw rate, positive to the left \[rad/s\]. Default: not commanded.
     #[serde(default)]
     pub turn: Option<[f64; 2]>,
 }
 
 impl TwistRanges {
-    /// Bounds of the network's outputs.
+    /// Bounds of the network's outputs for a base twist.
     pub const BOUNDS: [f64; 2] = [-1.0, 1.0];
 
-    /// Returns the ranges forwards, to the left \[m/s\], and of the rate of turn \[rad/s\].
+    /// Returns the ranges of the velocities forwards and to the left \[m/s\], and of the yaw rate \[rad/s\].
     pub fn axes(&self) -> [Option<[f64; 2]>; 3] {
         [self.forward, self.left, self.turn]
     }
@@ -45,11 +46,11 @@ impl TwistRanges {
         self.axes().iter().flatten().count()
     }
 
-    /// Returns the velocities that an action commands: forwards, to the left \[m/s\], turn \[rad/s\].
+    /// Returns the commanded velocities: forwards and to the left \[m/s\], yaw rate \[rad/s\].
     ///
     /// # Panics
     ///
-    /// If the action has fewer numbers than [`outputs`](Self::outputs).
+    /// If `action` has fewer entries than [`outputs`](Self::outputs).
     pub fn twist(&self, action: &[f64]) -> [f64; 3] {
         let mut outputs = 0;
         self.axes().map(|range| {

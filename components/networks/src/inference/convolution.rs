@@ -3,10 +3,10 @@
 use super::Packed;
 use crate::arithmetic::Lanes;
 
-/// Offset that marks padding, which reads as 0.
+/// Offset that marks padding, which is read as 0.
 pub const PADDING: u32 = u32::MAX;
 
-/// A convolution with fixed sizes, and its patch workspace.
+/// A convolution with fixed sizes and a preallocated workspace.
 #[derive(Clone, Debug)]
 pub struct Convolution<T = f32> {
     /// One map from patches to output channels for each group.
@@ -22,8 +22,8 @@ pub struct Convolution<T = f32> {
 }
 
 impl<T: Lanes> Convolution<T> {
-    /// Creates a convolution with `positions` outputs. The patch of each output reads the numbers at
-    /// `offsets` of a group's channels (`group_size` numbers).
+    /// Creates a convolution with `positions` output positions. For each position, `offsets` lists the
+    /// indices of the inputs within a group's channels (`group_size` numbers); [`PADDING`] reads as 0.
     pub fn new(groups: Vec<Packed<T>>, offsets: Vec<u32>, group_size: usize, positions: usize) -> Self {
         let outputs = groups.first().map_or(0, Packed::outputs);
         let (patches, products) =
@@ -31,7 +31,7 @@ impl<T: Lanes> Convolution<T> {
         Self { groups, offsets, group_size, positions, patches, products }
     }
 
-    /// Convolves each sample: (samples, channels, space) to (samples, outputs, space).
+    /// Convolves each sample, from shape (samples, channels, space) to (samples, outputs, space).
     pub fn apply(&mut self, input: &[T], output: &mut [T]) {
         let Self { groups, offsets, group_size, positions, patches, products } = self;
         let outputs = groups.first().map_or(0, Packed::outputs);

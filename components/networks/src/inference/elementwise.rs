@@ -19,7 +19,7 @@ pub enum Unary {
     Sigmoid,
     /// `ln(1 + exp(x))`.
     Softplus,
-    /// `x` within `[low, high]`.
+    /// `x` limited to the range from the first to the second number.
     Clip(f32, f32),
     /// Square root.
     Sqrt,
@@ -66,7 +66,7 @@ impl<T: Real, F: Fn(T) -> T> WithSimd for Map<'_, T, F> {
 }
 
 impl Unary {
-    /// Writes the function of each input into `output`.
+    /// Applies the function to each number of `input` and writes the results to `output`.
     pub fn apply<T: Real>(self, arch: Arch, input: &[T], output: &mut [T]) {
         /// Compiles one loop for the widest instructions.
         fn map<T: Real>(arch: Arch, input: &[T], output: &mut [T], function: impl Fn(T) -> T) {
@@ -109,7 +109,7 @@ pub enum Operand {
     Aligned,
     /// The same number for all outputs.
     Single,
-    /// Numbers at these offsets.
+    /// Numbers at these offsets, one per output.
     At(Vec<u32>),
 }
 
@@ -155,7 +155,7 @@ impl<T: Real, F: Fn(T, T) -> T> WithSimd for Both<'_, T, F> {
 }
 
 impl Binary {
-    /// Writes the function of each pair of operands into `output`.
+    /// Applies the function to each pair of operands and writes the results to `output`.
     pub fn apply<T: Real>(self, arch: Arch, a: (&[T], &Operand), b: (&[T], &Operand), output: &mut [T]) {
         /// Compiles one loop for the widest instructions.
         fn map<T: Real>(

@@ -3,7 +3,7 @@
 use super::{Operation, Packed, Port, Program, Unary};
 use crate::arithmetic::Lanes;
 
-/// Error of a layer whose size does not match its inputs.
+/// Error of a layer whose weights and biases do not match its inputs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
     "layer {layer} has {weights} weights and {biases} biases, expected {biases} x {inputs} weights; help: weights are outputs x inputs, row by row"
@@ -11,18 +11,18 @@ use crate::arithmetic::Lanes;
 pub struct LayerSizeError {
     /// Index of the layer.
     pub layer: usize,
-    /// Weights found.
+    /// Number of weights found.
     pub weights: usize,
     /// Number of biases found, one per output.
     pub biases: usize,
-    /// Inputs of the layer.
+    /// Number of inputs of the layer.
     pub inputs: usize,
 }
 
 impl<T: Lanes> Program<T> {
-    /// Creates a multilayer perceptron on rows of `inputs` numbers. Each layer consists of its weights
-    /// (outputs x inputs, row by row) and its bias; `activation` is applied between layers, but not after the
-    /// last.
+    /// Creates a multilayer perceptron for up to `rows` rows of `inputs` numbers. Each layer consists of its
+    /// weights (outputs x inputs, row by row) and its biases. `activation` is applied between layers, but not
+    /// after the last.
     ///
     /// # Errors
     ///

@@ -33,70 +33,71 @@ use pulp::Arch;
 
 use crate::arithmetic::{Lanes, Real};
 
-/// Index of a buffer.
+/// Index of a buffer of a [`Program`].
 pub type Buffer = usize;
 
-/// Numbers copied from one buffer to another.
+/// Consecutive numbers copied from one buffer to another.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Run {
-    /// Buffer that is read.
+    /// Buffer from which the numbers are read.
     pub source: Buffer,
-    /// First number read.
+    /// Index of the first number read.
     pub from: usize,
-    /// First number written.
+    /// Index of the first number written.
     pub to: usize,
-    /// Numbers copied.
+    /// Count of numbers copied.
     pub length: usize,
 }
 
-/// A product of two computed matrices.
+/// Products of pairs of computed matrices, all of the same sizes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Product {
-    /// Rows of the first matrix, columns of the first, columns of the second.
+    /// Rows of the first matrix, columns of the first matrix, columns of the second matrix.
     pub sizes: [usize; 3],
-    /// Offsets of the two matrices of each product.
+    /// For each product, the offsets of its two matrices in their buffers.
     pub offsets: Vec<[usize; 2]>,
 }
 
-/// A layer of gated units: its directions and its sizes.
+/// A layer of gated recurrent units.
 #[derive(Clone, Debug)]
 pub struct Recurrent<T = f32> {
-    /// One or two directions.
+    /// Forward direction, reverse direction, or both.
     pub directions: Vec<Direction<T>>,
-    /// Sizes of the run.
+    /// Sizes of the sequence.
     pub sequence: Sequence,
-    /// Buffers of the initial state and the initial cell state.
+    /// Buffers of the initial state and the initial cell state; `None` starts from 0.
     pub initial: [Option<Buffer>; 2],
-    /// Buffers of the last state and the last cell state.
+    /// Buffers to which the last state and the last cell state are written.
     pub last: [Buffer; 2],
 }
 
-/// An operation.
+/// An operation of a [`Program`].
 #[derive(Clone, Debug)]
 pub enum Operation<T = f32> {
-    /// Copies runs of numbers.
+    /// Copies runs of numbers between buffers.
     Copy(Vec<Run>),
-    /// A linear map of each row.
+    /// Applies a linear map to each row of a buffer.
     Linear(Buffer, Packed<T>),
-    /// Products of computed matrices.
+    /// Multiplies pairs of computed matrices.
     Product([Buffer; 2], Product),
-    /// A function of each number.
+    /// Applies a function to each number.
     Unary(Buffer, Unary),
-    /// A function of pairs of numbers.
+    /// Applies a function to pairs of numbers.
     Binary([Buffer; 2], Binary, [Operand; 2]),
-    /// A convolution.
+    /// Convolves each sample.
     Convolution(Buffer, Convolution<T>),
-    /// Means or maxima of parts.
+    /// Computes the mean or maximum of each part of a tensor.
     Reduce(Buffer, Reduction, Parts),
-    /// Normalised exponentials along an axis.
+    /// Computes the softmax along an axis.
     Softmax(Buffer, Along),
-    /// 1 at the first largest number along an axis, 0 elsewhere.
+    /// Writes 1 at the first maximum along an axis and 0 elsewhere.
     Hardmax(Buffer, Along),
-    /// Normalised rows.
+    /// Normalises each row.
     LayerNorm(Buffer, LayerNorm<T>),
-    /// Factors and offsets of channels.
+    /// Scales and shifts each channel.
     Affine(Buffer, Affine<T>),
-    /// Gated units; the output is the state at each step (steps, directions, batch, hidden).
+    /// Runs gated recurrent units. The output is the state after each step (steps, directions, batch,
+    /// hidden).
     Recurrent(Buffer, Box<Recurrent<T>>),
 }
 
@@ -105,9 +106,9 @@ pub enum Operation<T = f32> {
 pub struct Port {
     /// Name of the tensor.
     pub name: String,
-    /// Length along each axis.
+    /// Length of each axis.
     pub shape: Vec<usize>,
-    /// Buffer of the tensor.
+    /// Buffer that contains the tensor.
     pub buffer: Buffer,
 }
 
@@ -138,29 +139,30 @@ impl<T: Lanes> Program<T> {
         self.operations.len()
     }
 
-    /// Returns the numbers of an input, the last axis fastest; write them before [`run`](Self::run).
+    /// Returns the values of an input, the last axis varying fastest, to be written before
+    /// [`run`](Self::run).
     ///
     /// # Panics
     ///
-    /// If the index is out of range.
+    /// If `index` is out of range.
     pub fn input_mut(&mut self, index: usize) -> &mut [T] {
         &mut self.buffers[self.inputs[index].buffer]
     }
 
-    /// Returns the numbers of an output of the last run, the last axis fastest.
+    /// Returns the values of an output after the last run, the last axis varying fastest.
     ///
     /// # Panics
     ///
-    /// If the index is out of range.
+    /// If `index` is out of range.
     pub fn output(&self, index: usize) -> &[T] {
         &self.buffers[self.outputs[index].buffer]
     }
 
-    /// Returns `true` if an output is the same in every run.
+    /// Returns `true` if an output has the same values in every run.
     ///
     /// # Panics
     ///
-    /// If the index is out of range.
+    /// If `output` is out of range.
     pub fn is_constant(&self, output: usize) -> bool {
         let buffer = self.outputs[output].buffer;
         let is_input = self.inputs.iter().any(|input| input.buffer == buffer);
@@ -195,24 +197,24 @@ impl<T: Lanes> Program<T> {
         }
     }
 
-    /// Adds a buffer of `length` zeros.
+    /// Adds a buffer of `length` zeros and returns its index.
     pub fn buffer(&mut self, length: usize) -> Buffer {
         self.constant(vec![T::default(); length])
     }
 
-    /// Adds a buffer with these numbers.
+    /// Adds a buffer with these values and returns its index.
     pub fn constant(&mut self, numbers: Vec<T>) -> Buffer {
         self.buffers.push(numbers);
         self.buffers.len() - 1
     }
 
-    /// Adds an operation whose output is an existing buffer. The buffers that it reads have the lengths of
-    /// its inputs.
+    /// Adds an operation that writes to an existing buffer. The buffers that the operation reads must have
+    /// the lengths of its inputs.
     pub fn push_into(&mut self, operation: Operation<T>, buffer: Buffer) {
         self.operations.push((buffer, operation));
     }
 
-    /// Adds an operation with an output of `length` numbers.
+    /// Adds an operation with an output of `length` numbers, and returns the buffer of the output.
     pub fn push(&mut self, operation: Operation<T>, length: usize) -> Buffer {
         let buffer = self.buffer(length);
         self.push_into(operation, buffer);
@@ -229,7 +231,8 @@ impl<T: Lanes> Program<T> {
         self.outputs.push(output);
     }
 
-    /// Returns the `length` numbers of an operation on the current content of the buffers, without adding it.
+    /// Runs an operation on the current content of the buffers without adding it to the program. Returns its
+    /// `length` outputs.
     pub fn evaluate(&mut self, mut operation: Operation<T>, length: usize) -> Vec<T> {
         let mut output = vec![T::default(); length];
         operation.run(self.arch, &mut self.buffers, &mut output);

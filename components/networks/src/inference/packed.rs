@@ -11,11 +11,11 @@ const WIDEST: usize = 64;
 /// Outputs of the narrowest panel: lanes of the widest vectors.
 const NARROWEST: usize = 16;
 
-/// Weights and bias of a linear map, in panels of outputs, each panel with its inputs in order.
+/// Weights and biases of a linear map, stored in panels of outputs for vector instructions.
 ///
-/// Every output is its bias plus the products in the order of the inputs, each rounded once (fused
-/// multiply-add). The lanes of a vector hold different outputs, so the bits depend neither on the number of
-/// rows nor on the processor. Clones share the numbers.
+/// Each output is its bias plus the products in the order of the inputs, each rounded once (fused
+/// multiply-add). The lanes of a vector hold different outputs, so results are bitwise independent of the
+/// number of rows and of the processor. Clones share the numbers.
 #[derive(Clone, Debug)]
 pub struct Packed<T = f32> {
     inputs: usize,
@@ -76,18 +76,18 @@ impl<T: Lanes> Packed<T> {
         Self { inputs, outputs, numbers: Arc::new(numbers), start, arch: Arch::new() }
     }
 
-    /// Number of inputs.
+    /// Returns the number of inputs.
     pub fn inputs(&self) -> usize {
         self.inputs
     }
 
-    /// Number of outputs.
+    /// Returns the number of outputs.
     pub fn outputs(&self) -> usize {
         self.outputs
     }
 
-    /// Multiplies each row of `input` (rows of [`inputs`](Self::inputs) numbers) into a row of `output`. The
-    /// shorter slice determines the number of rows.
+    /// Maps each row of `input` ([`inputs`](Self::inputs) numbers) to a row of `output`
+    /// ([`outputs`](Self::outputs) numbers). The shorter slice determines the number of rows.
     pub fn apply(&self, input: &[T], output: &mut [T]) {
         if self.outputs == 0 {
             return;

@@ -5,37 +5,39 @@ use pulp::{Arch, Simd, WithSimd};
 use super::Packed;
 use crate::arithmetic::{Lanes, Real};
 
-/// Sizes of a recurrent layer's run.
+/// Sizes of the sequences that a recurrent layer processes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Sequence {
-    /// Steps of the sequence.
+    /// Number of steps of a sequence.
     pub steps: usize,
     /// Number of parallel sequences.
     pub batch: usize,
-    /// Units.
+    /// Number of hidden units.
     pub hidden: usize,
 }
 
-/// The maps of a recurrent layer in one direction.
+/// Gates of a recurrent layer in one direction.
 #[derive(Clone, Debug)]
 pub enum Gates<T = f32> {
-    /// Update, reset and candidate; the reset gate scales the recurrent product (as in PyTorch).
+    /// A gated recurrent unit with the gates update, reset and candidate. The reset gate scales the recurrent
+    /// product (as in PyTorch).
     Gru {
         /// Map from inputs to the three gates.
         input: Packed<T>,
         /// Map from the state to the three gates.
         state: Packed<T>,
     },
-    /// Update, reset and candidate; the reset gate scales the state.
+    /// A gated recurrent unit with the gates update, reset and candidate. The reset gate scales the state
+    /// before the product.
     GruResetFirst {
         /// Map from inputs to the three gates.
         input: Packed<T>,
-        /// Map from the state to update and reset.
+        /// Map from the state to the update and reset gates.
         state: Packed<T>,
         /// Map from the scaled state to the candidate.
         candidate: Packed<T>,
     },
-    /// Input, output, forget and cell.
+    /// Long short-term memory with the gates input, output, forget and cell.
     Lstm {
         /// Map from inputs to the four gates.
         input: Packed<T>,
@@ -76,8 +78,8 @@ impl<T: Lanes> Direction<T> {
         }
     }
 
-    /// Runs over a sequence (steps, batch, inputs) from a state (batch, hidden), or from 0; calls `record`
-    /// with each step and its state.
+    /// Runs over an input sequence (steps, batch, inputs), starting from the initial state and cell state
+    /// (batch, hidden), or from 0. Calls `record` with the index of each step and the state after it.
     pub fn run(
         &mut self,
         (arch, sequence): (Arch, Sequence),

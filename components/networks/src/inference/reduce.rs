@@ -10,26 +10,27 @@ fn sum<T: Real>(numbers: impl Iterator<Item = T>) -> T {
     numbers.fold(T::from_f32(-0.0), |sum, x| sum + x)
 }
 
-/// Operation that reduces the numbers of a part to one.
+/// Operation that reduces the numbers of a part to one number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reduction {
-    /// Mean, summed in order.
+    /// Mean; the numbers are added in order.
     Mean,
-    /// Largest number.
+    /// Maximum.
     Max,
 }
 
-/// Parts of a tensor by offsets: the numbers of output `k` are `offsets[starts[k]..starts[k + 1]]`.
+/// Parts of a tensor, given by offsets: part `k` consists of the numbers at `offsets[starts[k]..starts[k +
+/// 1]]`.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Parts {
-    /// First offset of each part, and the end of the last part.
+    /// Index in `offsets` of the start of each part, followed by the end of the last part.
     pub starts: Vec<u32>,
-    /// Offsets of the numbers.
+    /// Offsets of the numbers in the tensor.
     pub offsets: Vec<u32>,
 }
 
 impl Reduction {
-    /// Writes one number for each part.
+    /// Reduces each part of `input` to one number of `output`.
     pub fn apply<T: Real>(self, parts: &Parts, input: &[T], output: &mut [T]) {
         for (range, output) in parts.starts.windows(2).zip(output) {
             let numbers = parts.offsets[range[0] as usize..range[1] as usize].iter();
@@ -56,14 +57,14 @@ pub struct Along {
     pub inner: usize,
 }
 
-/// Normalised exponentials along an axis.
+/// Softmax (normalised exponentials) along an axis.
 #[derive(Debug)]
 pub struct Softmax<'a, T = f32> {
-    /// The axis.
+    /// Axis of the tensor.
     pub along: Along,
-    /// The tensor.
+    /// Input tensor.
     pub input: &'a [T],
-    /// The result.
+    /// Output tensor.
     pub output: &'a mut [T],
 }
 
@@ -94,7 +95,7 @@ impl<T: Real> WithSimd for Softmax<'_, T> {
 }
 
 impl Along {
-    /// Writes 1 at the first largest number along the axis, 0 elsewhere.
+    /// Writes 1 at the first maximum along the axis and 0 elsewhere.
     pub fn hardmax<T: Real>(self, input: &[T], output: &mut [T]) {
         let Self { length, inner, .. } = self;
         output.fill(T::default());
@@ -109,14 +110,14 @@ impl Along {
     }
 }
 
-/// Rows of mean 0 and variance 1, scaled and shifted.
+/// Layer normalisation: each row is normalised to mean 0 and variance 1, then scaled and shifted.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LayerNorm<T = f32> {
     /// Factor of each column.
     pub scale: Vec<T>,
     /// Offset of each column.
     pub shift: Vec<T>,
-    /// Constant added to the variance.
+    /// Constant added to the variance to avoid a division by zero.
     pub epsilon: T,
 }
 
@@ -159,7 +160,7 @@ pub struct Affine<T = f32> {
     pub scale: Vec<T>,
     /// Offset of each channel.
     pub shift: Vec<T>,
-    /// Number of consecutive numbers of a channel.
+    /// Count of consecutive numbers that belong to one channel.
     pub inner: usize,
 }
 

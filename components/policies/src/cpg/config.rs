@@ -30,7 +30,7 @@ pub struct CpgPolicyConfig {
     pub legs: Vec<LegConfig>,
     /// Initial gait.
     pub gait: Gait,
-    /// Model of the oscillators. Default "phase".
+    /// Oscillator model. Default "phase".
     #[serde(default)]
     pub model: CpgModel,
     /// Stride frequency, Hz. Default 1.
@@ -39,14 +39,13 @@ pub struct CpgPolicyConfig {
     /// Rate at which joints converge to the gait, 1/s. Default 5.
     #[serde(default = "five")]
     pub coupling: f64,
-    /// Parameters of the model "hopf".
+    /// Parameters of the oscillator model "hopf".
     #[serde(default)]
     pub hopf: Option<HopfConfig>,
-    /// Parameters of the model "matsuoka".
+    /// Parameters of the oscillator model "matsuoka".
     #[serde(default)]
     pub matsuoka: Option<MatsuokaConfig>,
-    /// Gravity in the world frame, m/s^2. Default: the gravity of the graph's world, 9.81 downwards without
-    /// one.
+    /// Gravity in the world frame, m/s^2. Default: gravity of the graph's world, or 9.81 downwards.
     #[serde(default = "earth")]
     pub gravity: [f64; 3],
     /// Gains, easing and feed-forward of joint commands.
@@ -54,18 +53,18 @@ pub struct CpgPolicyConfig {
     pub joint_command: JointCommandConfig,
 }
 
-/// Oscillator model.
+/// Model of the oscillators.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum CpgModel {
-    /// A phase-amplitude network, one node for each joint (Ijspeert).
+    /// A phase-amplitude network with one node per joint (Ijspeert).
     #[default]
     Phase,
-    /// A Hopf oscillator for each leg, with separate speeds for swing and stance (Righetti and Ijspeert).
+    /// One Hopf oscillator per leg, with separate speeds for swing and stance (Righetti and Ijspeert).
     Hopf,
-    /// A pair of mutually inhibiting neurons for each joint (Matsuoka).
+    /// A pair of mutually inhibiting neurons per joint (Matsuoka).
     Matsuoka,
-    /// A phase for each leg (Kuramoto).
+    /// One phase oscillator per leg (Kuramoto).
     Kuramoto,
 }
 
@@ -77,7 +76,7 @@ pub struct HopfConfig {
     pub convergence: f64,
     /// Sharpness of the transition between swing and stance. Default 50.
     pub sharpness: f64,
-    /// Stance fraction of a stride, 0.05 to 0.95. Default 0.5.
+    /// Fraction of a stride spent in stance, 0.05 to 0.95. Default 0.5.
     pub duty_factor: f64,
 }
 
@@ -94,10 +93,11 @@ impl Default for HopfConfig {
 pub struct MatsuokaConfig {
     /// Strength of fatigue, `beta`. Default 2.5.
     pub fatigue: f64,
-    /// Mutual inhibition of the two neurons, `w`: more than `1 + time_ratio`, less than `1 + fatigue`.
-    /// Default 2.2.
+    /// Mutual inhibition `w` of the two neurons, more than `1 + time_ratio`, less than `1 + fatigue`. Default
+    /// 2.2.
     pub inhibition: f64,
-    /// Ratio of rise time to fatigue time, `tau_1 / tau_2`; both are scaled to the frequency. Default 0.5.
+    /// Ratio of rise time to fatigue time, `tau_1 / tau_2`. Both times are scaled to the frequency. Default
+    /// 0.5.
     pub time_ratio: f64,
 }
 
@@ -108,27 +108,27 @@ impl Default for MatsuokaConfig {
     }
 }
 
-/// One leg.
+/// Oscillating joints of one leg.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LegConfig {
-    /// Moving joints of the leg, at least one.
+    /// Oscillating joints of the leg, at least one.
     pub joints: Vec<JointOscillationConfig>,
 }
 
-/// Oscillation of a joint: `offset + amplitude cos(phase of the leg + phase)`. Other models replace the
-/// cosine by their waveform.
+/// Oscillation of a joint: `offset + amplitude cos(phase of the leg + phase)`. Other oscillator models
+/// replace the cosine by their waveform.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct JointOscillationConfig {
     /// Name of the joint.
     pub joint: String,
-    /// Amplitude, rad or m.
+    /// Amplitude of the oscillation, rad or m.
     pub amplitude: f64,
     /// Centre of the oscillation, rad or m. Default 0.
     #[serde(default)]
     pub offset: f64,
-    /// Phase lead relative to its leg, rad. Default 0.
+    /// Phase lead over the leg, rad. Default 0.
     #[serde(default)]
     pub phase: f64,
 }

@@ -16,7 +16,7 @@ use config::{DUTY_FACTOR, FREQUENCY};
 use generator::Generator;
 use motorium_primitives::cpg::Gait;
 
-/// Moves the joints of legs with a phase-amplitude network
+/// A policy that moves the joints of legs with a phase-amplitude network
 /// ([`PhaseNetwork`](motorium_primitives::cpg::PhaseNetwork)) or with Hopf, Matsuoka or Kuramoto oscillators
 /// ([`OscillatorNetwork`](motorium_primitives::cpg::OscillatorNetwork)).
 ///

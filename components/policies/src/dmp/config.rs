@@ -23,9 +23,9 @@ use crate::gripper::Gripper;
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DmpPolicyConfig {
-    /// The goals in order.
+    /// Goals in order.
     pub goals: Vec<GoalConfig>,
-    /// Behaviour after the last goal: "once" stays there, "forever" returns to the first.
+    /// Behaviour after the last goal: "once" stays at this goal, "forever" returns to the first goal.
     #[serde(default)]
     pub repeat: Repeat,
     /// Frame of the robot to control. Default: the frame of the robot's only end effector.
@@ -35,8 +35,8 @@ pub struct DmpPolicyConfig {
     /// `joint_state`.
     #[serde(default)]
     pub start: Option<PoseConfig>,
-    /// Primitives from which the parameter `primitive` selects one for all goals with the shape "selected":
-    /// files written by `motorium primitive fit`, relative to the graph file.
+    /// Paths of primitives written by `motorium primitive fit`, relative to the graph file. The parameter
+    /// `primitive` selects one of them for all goals with the shape "selected".
     #[serde(default)]
     #[schemars(extend("format" = "path"))]
     pub primitives: Vec<String>,
@@ -44,13 +44,13 @@ pub struct DmpPolicyConfig {
     /// Default "step".
     #[serde(default)]
     pub take_weights: TakeWeights,
-    /// Slow-down of the movement while the end effector cannot follow. Default: no slow-down.
+    /// Slow-down of the movement while the end effector cannot follow. Default: not used.
     #[serde(default)]
     pub phase_stop: Option<PhaseStopConfig>,
-    /// Points that the movement avoids. Default: no obstacles.
+    /// Points that the movement avoids. Default: none.
     #[serde(default)]
     pub obstacles: Option<ObstaclesConfig>,
-    /// Compliance with the force of the input `wrench`, like a mass. Default: no compliance.
+    /// Compliance, like a mass, with the force of the input `wrench`. Default: not used.
     #[serde(default)]
     pub yielding: Option<YieldingConfig>,
 }
@@ -74,11 +74,11 @@ pub struct PoseConfig {
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct GoalConfig {
-    /// Position in the world frame, m. Alternative to `offset`. Default: the end of a demonstration, or the
-    /// previous goal's for a goal with a `gripper`.
+    /// Position in the world frame, m. Alternative to `offset`. Default: the end of a demonstration, or for a
+    /// goal with a `gripper` the position of the previous goal.
     #[serde(default)]
     pub position: Option<[f64; 3]>,
-    /// Position relative to the previous goal, or to the start for the first one, in world axes, m.
+    /// Position relative to the previous goal (for the first goal, relative to the start), in world axes, m.
     /// Alternative to `position`.
     #[serde(default)]
     pub offset: Option<[f64; 3]>,
@@ -89,13 +89,13 @@ pub struct GoalConfig {
     /// Orientation in the world frame as roll, pitch, yaw about the fixed axes x, y, z, in this order, rad.
     #[serde(default)]
     pub rpy: Option<[f64; 3]>,
-    /// Goal of the gripper: "open", "close", or a position of the fingers' joints, rad or m. The output
-    /// `fingers` publishes it when the movement starts, with the same duration. An object may stop the
+    /// Goal of the gripper: "open", "close", or a position of the fingers' joints, rad or m. It is published
+    /// on the output `fingers` when the movement starts, with the same duration. An object may stop the
     /// fingers.
     #[serde(default)]
     pub gripper: Option<Gripper>,
     /// Duration of the movement, at least 1 ms, such as "2 s". Default: the duration of a demonstration; for
-    /// a gripper alone, the time its fingers need for their whole range. Otherwise required.
+    /// a gripper alone, the time that its fingers need for their whole range. Otherwise required.
     #[serde(default)]
     pub duration: Option<TimeSpan>,
     /// Time to stay at the goal, such as "500 ms". Default 0.
@@ -106,23 +106,23 @@ pub struct GoalConfig {
     pub shape: ShapeConfig,
 }
 
-/// The path of the position to a goal.
+/// Shape of the position path to a goal.
 #[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ShapeConfig {
     /// The straight line.
     #[default]
     Straight,
-    /// An arc whose midpoint deviates from the straight line by this vector: world axes, m.
+    /// An arc whose midpoint deviates from the straight line by this vector, in world axes, m.
     Arc([f64; 3]),
-    /// A three-dimensional primitive that was fitted to a demonstration.
+    /// A three-dimensional primitive that was fitted to a demonstration, given in full.
     Primitive(StoredModel),
     /// A primitive from a file written by `motorium primitive fit`, relative to the graph file.
     File(#[schemars(extend("format" = "path"))] String),
     /// A primitive fitted to a recording when the component is configured.
     Demonstration(DemonstrationConfig),
-    /// The element of `primitives` that the parameter `primitive` selects; takes effect at the next start of
-    /// a movement to this goal.
+    /// The primitive in `primitives` that the parameter `primitive` selects. A new selection takes effect at
+    /// the next start of a movement to this goal.
     Selected,
     /// A primitive whose weights come from the input `weights`.
     Weights(WeightsConfig),
@@ -132,23 +132,23 @@ pub enum ShapeConfig {
 #[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct WeightsConfig {
-    /// Number of kernels for each dimension, 2 to 1000; the path is straight until weights arrive. Default
-    /// 30. Alternative to `file`.
+    /// Number of kernels for each dimension, 2 to 1000; the path is straight until weights arrive.
+    /// Alternative to `file`. Default 30.
     pub kernels: Option<usize>,
-    /// The primitive until weights arrive: a file written by `motorium primitive fit`, relative to the graph
-    /// file.
+    /// Path of a primitive written by `motorium primitive fit`, relative to the graph file. It is used until
+    /// weights arrive.
     #[schemars(extend("format" = "path"))]
     pub file: Option<String>,
 }
 
-/// A recorded movement of the end effector, to learn and reproduce.
+/// A recorded movement of the end effector that is learned and reproduced.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DemonstrationConfig {
-    /// The recording, relative to the graph file: CSV, JSON, JSON lines, such as the output of `motorium
-    /// topic echo --json`, or MCAP. Three channels are positions of the end effector in the world frame, m.
-    /// Other channels are joint positions: named after joints, with the remaining joints at home, or one for
-    /// each joint.
+    /// Path of the recording, relative to the graph file: CSV, JSON, JSON lines (such as the output of
+    /// `motorium topic echo --json`) or MCAP. Three channels are positions of the end effector in the world
+    /// frame, m. Any other number of channels are joint positions: either named after joints, with the
+    /// remaining joints at home, or one channel for each joint.
     #[schemars(extend("format" = "path"))]
     pub file: String,
     /// Number of kernels for each dimension. Default 40.
@@ -183,12 +183,13 @@ pub struct PhaseStopConfig {
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ObstaclesConfig {
-    /// The points, in the world frame, m.
+    /// Points in the world frame, m.
     pub points: Vec<[f64; 3]>,
-    /// Strength, 1/s per rad. Default 1000.
+    /// Strength of the avoidance, 1/s per rad. Default 1000.
     #[serde(default = "strength")]
     pub gamma: f64,
-    /// Decay rate of the effect with the angle between the velocity and the obstacle, 1/rad. Default 6.37.
+    /// Rate at which the effect decays with the angle between the velocity and the obstacle, 1/rad. Default
+    /// 6.37.
     #[serde(default = "fading")]
     pub beta: f64,
     /// Distance at which the effect has fallen to 1/e, m. Default 0.2.
@@ -200,9 +201,9 @@ pub struct ObstaclesConfig {
 #[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct YieldingConfig {
-    /// The mass, kg.
+    /// Apparent mass, kg.
     pub inertia: f64,
-    /// Force along an axis that is ignored, such as the noise of the sensor, N. Default 0.
+    /// Force along each axis up to which a force is ignored, such as the noise of the sensor, N. Default 0.
     #[serde(default)]
     pub deadband: f64,
 }

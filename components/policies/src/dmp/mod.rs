@@ -31,16 +31,17 @@ use waypoints::Waypoints;
 pub(crate) use waypoints::orientation;
 use weights::LiveWeights;
 
-/// Moves the end effector of a robot through goals, with one movement primitive each; see [`PoseReach`].
+/// A policy that moves the end effector of a robot through goals, with one movement primitive per goal; see
+/// [`PoseReach`].
 ///
-/// The policy starts at the measured pose of the end effector (or a configured one) with the first joint
-/// state, and publishes nothing before it. Time advances with the ticks: after a delay of the component the
+/// With the first joint state, the policy starts at the measured pose of the end effector, or at a configured
+/// pose; before, it publishes nothing. Time advances with the ticks: after a delay of the component the
 /// target continues from its last pose without a discontinuity. After a crash the policy continues towards
 /// the current goal.
 ///
 /// In real time a new episode interrupts the current movement. The target stops and starts from its current
-/// pose towards the first goal, with the weights that have arrived. Relative goals stay where they were in
-/// the first episode.
+/// pose towards the first goal, with the weights that have arrived. Relative goals keep the positions of the
+/// first episode.
 #[derive(Debug)]
 pub struct DmpPolicy {
     target: Output<PoseTarget>,

@@ -18,16 +18,16 @@ use crate::robot::required;
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct JointCommandConfig {
-    /// Stiffness, N m/rad or N/m: one number for all joints, or one for each. Default: the stiffness of the
+    /// Stiffness, N m/rad or N/m: one number for all joints, or one per joint. Default: the gains of the
     /// robot's profile.
     pub kp: Option<PerJoint>,
-    /// Damping, N m s/rad or N s/m: one number for all joints, or one for each. Default: the damping of the
+    /// Damping, N m s/rad or N s/m: one number for all joints, or one per joint. Default: the gains of the
     /// robot's profile.
     pub kd: Option<PerJoint>,
     /// Duration of the transition from the robot's current position to the movement, such as "1 s". Default 1
     /// s.
     pub ease: TimeSpan,
-    /// Adds the torque that compensates gravity. A floating base is assumed to be upright and at rest.
+    /// Adds the effort that compensates gravity. A floating base is assumed to be upright and at rest.
     /// Default true.
     pub gravity_compensation: bool,
 }

@@ -19,46 +19,46 @@ use crate::text_or_table::text_or_table;
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct JointTargetsConfig {
-    /// Folder of the policy, with `policy.toml`, relative to the graph file; or a table with the rate and the
-    /// action.
+    /// Path of the policy's folder, which contains `policy.toml`, relative to the graph file; or a table with
+    /// the rate and the action.
     pub policy: PolicySource,
-    /// Maximum age of an action; at least a period of the policy. Default: 1.5 periods of the policy.
+    /// Maximum age of an action. Must be at least one period of the policy. Default: 1.5 periods.
     #[serde(default)]
     pub hold: Option<TimeSpan>,
     /// Behaviour without a fresh action. Default: "default_pose" for position actions, "hold" for chunks,
     /// otherwise "stop".
     #[serde(default)]
     pub when_stale: Option<WhenStale>,
-    /// Duration of the transition from the current joint positions to the first action, to the default pose,
+    /// Duration of the transitions from the current joint positions to the first action, to the default pose,
     /// and back. Default "500 ms".
     #[serde(default = "half_second")]
     pub ease: TimeSpan,
-    /// Interpolates linearly between actions, which delays them by one period of the policy. Default false:
-    /// the latest action is held.
+    /// `true` interpolates linearly between actions, which delays them by one period of the policy. Default
+    /// false: the latest action is held.
     #[serde(default)]
     pub interpolate: bool,
     /// Limits within which setpoints follow the actions. Default: no limits for actions, the robot's limits
     /// for chunks.
     #[serde(default)]
     pub limits: Option<MotionLimitsConfig>,
-    /// Transition between chunks, for actions that arrive in chunks.
+    /// Transition from one chunk to the next, for actions that arrive in chunks.
     #[serde(default)]
     pub chunks: Option<ChunksConfig>,
-    /// Adds the torque that compensates gravity. Default false.
+    /// Adds the effort that compensates gravity. Default false.
     #[serde(default)]
     pub gravity_compensation: bool,
-    /// Gravity in the world frame, m/s^2. Default: the graph's world, 9.81 downwards without one.
+    /// Gravity in the world frame, m/s^2. Default: gravity of the graph's world, or 9.81 downwards.
     #[serde(default = "earth")]
     pub gravity: [f64; 3],
 }
 
-/// Source of the definition of actions.
+/// Source of the rate and the definition of actions.
 #[derive(Debug, Clone, JsonSchema)]
 #[schemars(untagged)]
 pub enum PolicySource {
-    /// The folder of a policy, relative to the graph file.
+    /// Path of the policy's folder, relative to the graph file.
     Folder(#[schemars(extend("format" = "path"))] String),
-    /// The rate and the action.
+    /// A table with the rate and the action.
     Table(Box<ActionTable>),
 }
 
@@ -70,11 +70,11 @@ impl<'de> Deserialize<'de> for PolicySource {
     }
 }
 
-/// The rate and the definition of actions of a policy in another program.
+/// Rate and definition of the actions that a policy in another program publishes.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ActionTable {
-    /// Actions per second, Hz, above 0.
+    /// Rate of the actions, Hz, above 0.
     pub rate: f64,
     /// Definition of the actions.
     pub action: Action,
@@ -84,21 +84,21 @@ pub struct ActionTable {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum WhenStale {
-    /// Moves to the default pose and stays there; for positions.
+    /// Moves the joints to the default pose and holds it. Only for position actions.
     DefaultPose,
-    /// Stays at the last target; for positions.
+    /// Holds the last target. Only for position actions.
     Hold,
     /// Stops publishing commands, so that the robot enters its safe state.
     Stop,
 }
 
-/// The transition between chunks.
+/// Transition from one chunk to the next.
 #[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct ChunksConfig {
     /// Time for which the previous chunk remains in effect after a new one arrives. Default 0.
     pub frozen: TimeSpan,
-    /// Duration of the subsequent blend into the new chunk. Default "100 ms".
+    /// Duration of the blend into the new chunk, which follows. Default "100 ms".
     pub blend: TimeSpan,
 }
 

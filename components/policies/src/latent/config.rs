@@ -24,32 +24,32 @@ use crate::joint_command::{CommandedJoints, JointCommandConfig, earth};
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LatentPolicyConfig {
-    /// The model: a file written by `motorium latent train`, relative to the graph file. Its latent point is
-    /// a function of the human's pose.
+    /// Path of a model written by `motorium latent train`, relative to the graph file. Its latent point must
+    /// be a function of the human's pose.
     #[schemars(extend("format" = "path"))]
     pub model: String,
-    /// A recorded movement of the human, relative to the graph file, whose channels are the columns of the
-    /// human's space. Default: poses arrive through the port `human`.
+    /// Path of a recorded movement of the human, relative to the graph file. Its channels must be the columns
+    /// of the human's space. Default: poses arrive through the port `human`.
     #[serde(default)]
     #[schemars(extend("format" = "path"))]
     pub motion: Option<String>,
-    /// Sample rate of a movement without time stamps, Hz. Default: such a movement is rejected.
+    /// Sample rate of a movement without time stamps, Hz. Required for such a movement.
     #[serde(default)]
     pub rate: Option<f64>,
-    /// Behaviour after a movement: "once" stays at its end, "forever" starts again.
+    /// Behaviour after a movement: "once" stays at its end, "forever" starts the movement again.
     #[serde(default)]
     pub repeat: Repeat,
-    /// Space of each robot in the model, by robot name. Default: the space with the robot's name.
+    /// Name of the model's space for each robot, by robot name. Default: the space with the robot's name.
     #[serde(default)]
     pub spaces: BTreeMap<String, String>,
     /// Time constant with which joints follow the prediction, 1 ms to 10 s. Default 80 ms.
     #[serde(default = "follow")]
     pub follow: TimeSpan,
-    /// Age of a human pose, received through the port `human`, beyond which the robots hold. Default 200 ms.
+    /// Age beyond which a human pose from the port `human` counts as stale, so that the robots hold. Default
+    /// 200 ms.
     #[serde(default = "timeout")]
     pub timeout: TimeSpan,
-    /// Gravity in the world frame, m/s^2. Default: the gravity of the graph's world, 9.81 downwards without
-    /// one.
+    /// Gravity in the world frame, m/s^2. Default: gravity of the graph's world, or 9.81 downwards.
     #[serde(default = "earth")]
     pub gravity: [f64; 3],
     /// Gains, easing and feed-forward of joint commands, the same for all robots.

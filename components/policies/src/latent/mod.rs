@@ -16,13 +16,14 @@ use crate::joint_command::{CommandedJoints, JointCommandWriter, JointPorts};
 use config::{Loaded, load};
 use follower::Follower;
 
-/// Moves several robots like a human, through a shared latent space ([`LatentModel`]).
+/// A policy that moves several robots like a human, through a shared latent space ([`LatentModel`]).
 ///
-/// A pose of the human, from a port or a recorded movement, maps to a latent point, and the latent point to a
-/// pose of each robot. The novelty of the pose is the part of the predictive variance that the training poses
-/// do not explain. A robot slows down above the novelty `slow_from`, and holds above `hold_from`; it
-/// continues when the pose is familiar again. All robots hold while there is no fresh human pose. Setpoints
-/// keep within 0.9 times the velocity and acceleration limits of a robot whose profile limits accelerations.
+/// A pose of the human, from a port or a recorded movement, is mapped to a latent point, and the latent point
+/// to a pose of each robot. The novelty of the pose is the fraction of the predictive variance that the
+/// training poses do not explain. A robot slows down above the novelty `slow_from`, and holds above
+/// `hold_from`; it continues when the pose is familiar again. All robots hold while there is no fresh human
+/// pose. If a robot's profile limits accelerations, setpoints stay within 0.9 times its velocity and
+/// acceleration limits.
 #[derive(Debug)]
 pub struct LatentPolicy {
     model: LatentModel,

@@ -17,55 +17,56 @@ use motorium_primitives::reach::Repeat;
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LibraryPolicyConfig {
-    /// A library file; recordings (.jsonl, .json, .csv) to learn a library from; "letters" for the built-in
-    /// letters; or a coupling, which converts `pictures` to movements. Relative to the graph file.
+    /// Source of the library, relative to the graph file: a library; recordings (.jsonl, .json, .csv) from
+    /// which a library is built; "letters" for the built-in letters; or a coupling, which converts `pictures`
+    /// to movements.
     #[schemars(extend("format" = "path", "words" = ["letters"]))]
     pub library: String,
     /// Sample rate of recordings without time stamps, Hz.
     #[serde(default = "rate")]
     pub rate: f64,
-    /// Labels or ids of the movements in order. Not needed with `pictures`.
+    /// Labels or ids of the movements, in order. Not required with `pictures`.
     #[serde(default)]
     pub movements: Vec<String>,
-    /// Pictures of letters (.pgm) that the coupling in `library` converts to movements, appended after the
-    /// others. Each is named after its file. Relative to the graph file.
+    /// Paths of pictures of letters (.pgm), relative to the graph file. The coupling in `library` converts
+    /// them to movements, which are appended to `movements`. Each movement is named after its file.
     #[serde(default)]
     #[schemars(extend("format" = "path"))]
     pub pictures: Vec<String>,
     /// Speed at which letters are written from pictures, in letter sizes per second. Default: the mean speed
-    /// of the letters in the coupling's training data.
+    /// of the coupling's training letters.
     #[serde(default)]
     pub pen_speed: Option<f64>,
-    /// Numbers of eigenforces. Each movement is executed with each of these numbers. Default: all
+    /// Numbers of eigenforces. Each movement is executed once with each of these numbers. Default: all
     /// eigenforces.
     #[serde(default)]
     pub eigenforces: Vec<usize>,
-    /// Behaviour after the last movement: "once" stays there, "forever" returns to the first.
+    /// Behaviour after the last movement: "once" stays at its end, "forever" returns to the first movement.
     #[serde(default)]
     pub repeat: Repeat,
     /// Duration of each movement, such as "4 s". Default: the duration of its recording.
     #[serde(default)]
     pub duration: Option<TimeSpan>,
-    /// Time from one movement to the start of the next, at least 1 ms. Default "1 s".
+    /// Duration of the transition from one movement to the start of the next, at least 1 ms. Default "1 s".
     #[serde(default = "transit")]
     pub transit: TimeSpan,
     /// Rest time before and after each movement. Default "250 ms".
     #[serde(default = "rest")]
     pub rest: TimeSpan,
-    /// Moves an end effector in a plane, for libraries with two degrees of freedom. Default: the movements
-    /// are setpoints of joints.
+    /// Plane in which an end effector moves, for libraries with two degrees of freedom. Default: the
+    /// movements are joint setpoints.
     #[serde(default)]
     pub end_effector: Option<EndEffectorConfig>,
-    /// Definition of rest for recognition: a movement is bounded by two rests.
+    /// Definition of rest for recognition. A recognised movement lies between two rests.
     #[serde(default)]
     pub recognition: RecognitionConfig,
-    /// An SVG file with a drawing of the movements, written when the run ends, relative to the folder in
+    /// Path of an SVG file to which the movements are drawn when the run ends, relative to the folder in
     /// which the run was started.
     #[serde(default)]
     pub picture: Option<String>,
 }
 
-/// The plane in which an end effector moves.
+/// Plane in which an end effector moves.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct EndEffectorConfig {
@@ -77,10 +78,10 @@ pub struct EndEffectorConfig {
     /// Direction of the first degree of freedom, in the world frame.
     #[serde(default = "across")]
     pub x_axis: [f64; 3],
-    /// Direction of the second degree of freedom, in the world frame; perpendicular to the first.
+    /// Direction of the second degree of freedom, in the world frame. Must be perpendicular to the first.
     #[serde(default = "up")]
     pub y_axis: [f64; 3],
-    /// The larger side of a movement, m.
+    /// Larger side of a movement, m.
     #[serde(default = "size")]
     pub size: f64,
     /// Distance from the centre of one movement to the centre of the next, along the first axis, m.
@@ -91,17 +92,17 @@ pub struct EndEffectorConfig {
     pub lift: f64,
 }
 
-/// Definition of rest.
+/// Definition of rest, for recognition.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RecognitionConfig {
     /// Speed below which the robot counts as resting, in units of the library per second.
     #[serde(default = "still")]
     pub still: f64,
-    /// Shortest duration of a rest, at least 1 ms. Default "100 ms".
+    /// Minimum duration of a rest, at least 1 ms. Default "100 ms".
     #[serde(default = "pause")]
     pub pause: TimeSpan,
-    /// Duration of the longest recognised movement, at least 10 ms. Default "10 s".
+    /// Maximum duration of a recognised movement, at least 10 ms. Default "10 s".
     #[serde(default = "longest")]
     pub longest: TimeSpan,
     /// Number of eigenforces used for recognition.

@@ -1,16 +1,17 @@
 //! Messages of `policy.library` other than targets.
 
-/// Largest number of weights in a message.
+/// Maximum number of weights in a message.
 pub const MAX_WEIGHTS: usize = 64;
-/// Largest number of bytes of a label in a message.
+/// Maximum number of bytes of a label in a message.
 pub const MAX_LABEL: usize = 32;
 
 motorium::state_buffer! {
-    /// Requests a movement by label or by weights. It starts when the current movement has ended.
+    /// A request for a movement, by label or by weights. The movement starts when the current movement has
+    /// ended.
     pub struct MovementRequest as "motorium.MovementRequest" {
-        /// Number of the request: a new number marks a new request, 0 no request.
+        /// Number of the request. A new number marks a new request; 0 means no request.
         pub sequence: u64,
-        /// A label, or the id of a movement, in UTF-8, padded with 0; all 0 for weights without a label.
+        /// Label, or id of a movement, in UTF-8, padded with 0. All 0 for weights without a label.
         pub label: [u8; 32],
         /// Number of weights. With a label, the number of eigenforces to use (0: as configured).
         pub count: u64,
@@ -21,19 +22,19 @@ motorium::state_buffer! {
 }
 
 motorium::state_buffer! {
-    /// Recognition of the movement that just ended.
+    /// Result of recognising the movement that has just ended.
     pub struct Recognition as "motorium.Recognition" {
-        /// Counts recognised movements.
+        /// Number of movements recognised so far.
         pub sequence: u64,
         /// Index of the nearest movement of the library.
         pub movement: u64,
-        /// Label of that movement (or id, if it has no label) in UTF-8, padded with 0.
+        /// Label of the nearest movement (or its id, if it has no label) in UTF-8, padded with 0.
         pub label: [u8; 32],
-        /// Distance of the weights from the weights of that movement, relative to their norm.
+        /// Distance between the weights and the weights of the nearest movement, relative to their norm.
         pub distance: f64,
-        /// Residual of the eigenforces, 0 to 1.
+        /// Fraction of the movement that the eigenforces do not explain, 0 to 1.
         pub novelty: f64,
-        /// Duration, s.
+        /// Duration of the recognised movement, s.
         pub duration: f64,
         /// Number of weights.
         pub count: u64,

@@ -30,12 +30,13 @@ use watch::Watch;
 
 use crate::robot::{required, too_few_joints};
 
-/// Executes the movements of a motion library one after the other, and recognises the movements it observes.
+/// A policy that executes the movements of a motion library one after the other, and recognises the movements
+/// that it observes.
 ///
-/// The policy starts with the first joint state. It moves to the start of each movement along a minimum-jerk
-/// path, rests, executes the movement, and rests. A [`MovementRequest`], or a new number of eigenforces,
-/// takes effect at the next start, never within a movement. Every motion of the robot, whether commanded by
-/// this policy or not, is recognised as soon as it comes to rest.
+/// The policy starts with the first joint state. For each movement, it moves to the start along a
+/// minimum-jerk path, rests, executes the movement, and rests. A [`MovementRequest`], or a new number of
+/// eigenforces, takes effect at the next start, never within a movement. Every motion of the robot, whether
+/// commanded by this policy or not, is recognised as soon as it comes to rest.
 #[derive(Debug)]
 pub struct LibraryPolicy {
     joint_state: Input<JointState>,

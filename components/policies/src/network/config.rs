@@ -13,7 +13,7 @@ use serde::Deserialize;
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct NetworkPolicyConfig {
-    /// Folder of the policy, with `policy.toml` and its network, relative to the graph file.
+    /// Path of the policy's folder, which contains `policy.toml` and the network, relative to the graph file.
     #[schemars(extend("format" = "path"))]
     pub policy: String,
     /// Source of the linear velocity of the base. Default "base_state".
@@ -22,13 +22,16 @@ pub struct NetworkPolicyConfig {
     /// Source of the angular velocity of the base and of the direction of gravity. Default "imu".
     #[serde(default)]
     pub attitude: AttitudeSource,
-    /// Orientation of the inertial measurement unit in the frame of the base, roll pitch yaw, rad. Default 0.
+    /// Orientation of the inertial measurement unit in the frame of the base, as roll, pitch and yaw, rad.
+    /// Default 0.
     #[serde(default)]
     pub imu_rpy: [f64; 3],
-    /// Command if the input `command` is not wired: forward, left, m/s, and turn, rad/s. Default 0.
+    /// Command if the input `command` is not wired: velocity forwards and to the left, m/s, and yaw rate,
+    /// rad/s. Default 0.
     #[serde(default)]
     pub command: [f64; 3],
-    /// Age beyond which a measurement is too old for an action, at least 1 ms. Default "100 ms".
+    /// Maximum age of a measurement, at least 1 ms. With an older measurement no action is published. Default
+    /// "100 ms".
     #[serde(default = "hundred_ms")]
     pub state_timeout: TimeSpan,
     /// Age beyond which the input `command` counts as zero, at least 1 ms. Default "500 ms".

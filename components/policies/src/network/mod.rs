@@ -22,13 +22,13 @@ use nalgebra::{UnitQuaternion, Vector3};
 
 use crate::robot::{required, too_few_joints};
 
-/// Runs the network of a policy folder at the rate of the policy, and publishes its actions.
+/// A policy that runs the network of a policy folder at the rate of the policy, and publishes its actions.
 ///
-/// Each observation term is read from its topic, clipped, scaled and stored in its history as specified in
-/// `policy.toml`. No action is published until every measurement has arrived, or while one is older than
+/// Each observation term is read from its topic, clipped, scaled and stored in its history, as specified in
+/// `policy.toml`. Actions are published only while every measurement has arrived and none is older than
 /// `state_timeout`. Recurrent states and histories restart with each episode.
 /// [`JointTargetsPolicy`](crate::JointTargetsPolicy) converts the actions to joint commands. An action that
-/// is a base twist is published as a target of `control.wheels`, too.
+/// is a base twist is also published as a target of `control.wheels`.
 #[derive(Debug)]
 pub struct NetworkPolicy {
     network: PolicyNetwork,

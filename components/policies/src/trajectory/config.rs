@@ -27,26 +27,26 @@ use crate::text_or_table::text_or_table;
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TrajectoryConfig {
-    /// The goals in order: tables, or names of poses of the robot's profile ("home" is its home pose).
+    /// Goals in order: tables, or names of poses of the robot's profile ("home" is its home pose).
     pub goals: Vec<JointGoal>,
-    /// Behaviour after the last goal: "once" stays there, "forever" returns to the first.
+    /// Behaviour after the last goal: "once" stays at this goal, "forever" returns to the first goal.
     #[serde(default)]
     pub repeat: Repeat,
-    /// Frame to which end effector poses refer. Default: the frame of the robot's only end effector.
+    /// Frame to which poses of the end effector refer. Default: the frame of the robot's only end effector.
     #[serde(default)]
     pub frame: Option<String>,
-    /// "time_optimal" (default): as fast as the limits allow. "minimum_jerk": with the least jerk.
+    /// Velocity profile: "time_optimal", as fast as the limits allow (default), or "minimum_jerk", with the
+    /// least jerk.
     #[serde(default)]
     pub profile: Shape,
     /// Limits of the motion.
     #[serde(default)]
     pub limits: MotionLimitsConfig,
-    /// Largest distance of a measured joint from a goal at which the goal counts as reached, rad or m.
+    /// Maximum distance of every measured joint from a goal at which the goal counts as reached, rad or m.
     /// Default 0.01.
     #[serde(default = "hundredth")]
     pub tolerance: f64,
-    /// Gravity in the world frame, m/s^2. Default: the gravity of the graph's world, 9.81 downwards without
-    /// one.
+    /// Gravity in the world frame, m/s^2. Default: gravity of the graph's world, or 9.81 downwards.
     #[serde(default = "earth")]
     pub gravity: [f64; 3],
     /// Gains of the joints and feed-forward of the commands.
@@ -63,17 +63,17 @@ pub struct TrajectoryConfig {
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct HomeConfig {
-    /// Target pose from the robot's profile. Default: its home pose.
+    /// Target pose from the robot's profile. Default: the home pose.
     pub pose: String,
-    /// "time_optimal" (default): as fast as the limits allow. "minimum_jerk": with the least jerk.
+    /// Velocity profile: "time_optimal", as fast as the limits allow (default), or "minimum_jerk", with the
+    /// least jerk.
     pub profile: Shape,
     /// Limits of the motion.
     pub limits: MotionLimitsConfig,
-    /// Largest distance of a measured joint from the pose at which it counts as reached, rad or m. Default
-    /// 0.01.
+    /// Maximum distance of every measured joint from the pose at which it counts as reached, rad or m.
+    /// Default 0.01.
     pub tolerance: f64,
-    /// Gravity in the world frame, m/s^2. Default: the gravity of the graph's world, 9.81 downwards without
-    /// one.
+    /// Gravity in the world frame, m/s^2. Default: gravity of the graph's world, or 9.81 downwards.
     pub gravity: [f64; 3],
     /// Gains of the joints and feed-forward of the commands.
     pub joint_command: JointDriveConfig,
@@ -108,9 +108,9 @@ pub(super) const HOME: &str = "home";
 #[derive(Debug, Clone, JsonSchema)]
 #[schemars(untagged)]
 pub enum JointGoal {
-    /// The name of a pose of the robot's profile.
+    /// Name of a pose of the robot's profile.
     Pose(String),
-    /// A table.
+    /// A table that describes the goal.
     Table(JointGoalConfig),
 }
 
@@ -120,25 +120,27 @@ impl<'de> Deserialize<'de> for JointGoal {
     }
 }
 
-/// A joint-space goal, the duration of the movement and the time to stay. At most one of `pose`, `position`,
-/// `offset` and `end_effector`; `gripper` alone, or with one of them.
+/// A joint-space goal, with the duration of the movement and the dwell time. It has at most one of `pose`,
+/// `position`, `offset` and `end_effector`. It may have a `gripper`, alone or in addition.
 #[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct JointGoalConfig {
-    /// Pose of the robot's profile.
+    /// Name of a pose of the robot's profile.
     pub pose: Option<String>,
-    /// Positions, rad or m: one number for all joints, a list with one for each, or a table by joint name.
-    /// Joints without a number keep their position from the previous goal.
+    /// Joint positions, rad or m: one number for all joints, a list with one number per joint, or a table by
+    /// joint name. Joints without a number keep their position from the previous goal.
     pub position: Option<JointNumbers>,
-    /// Displacements from the previous goal, or from the robot's start, rad or m; same forms as `position`.
+    /// Displacements from the previous goal (for the first goal, from the robot's start), rad or m, in the
+    /// same forms as `position`.
     pub offset: Option<JointNumbers>,
-    /// Pose of the end effector, which determines the joints that move it; the others keep their position
-    /// from the previous goal.
+    /// Pose of the end effector, which determines the positions of the joints that move it. Other joints keep
+    /// their position from the previous goal.
     pub end_effector: Option<ToolPoseConfig>,
-    /// Goal of the gripper: "open", "close", or a position of the fingers' joints, rad or m. A closed gripper
-    /// may be stopped by an object, and counts as reached.
+    /// Goal of the gripper: "open", "close", or a position of the fingers' joints, rad or m. An object may
+    /// stop a closing gripper; the goal then counts as reached.
     pub gripper: Option<Gripper>,
-    /// Duration of the movement; longer if the limits require it. Default: as short as the limits allow.
+    /// Duration of the movement, which is extended if the limits require it. Default: the shortest duration
+    /// within the limits.
     pub duration: Option<TimeSpan>,
     /// Time to stay at the goal. Default 0.
     pub dwell: TimeSpan,
@@ -159,14 +161,14 @@ pub struct ToolPoseConfig {
     pub rpy: Option<[f64; 3]>,
 }
 
-/// Joint values.
+/// Values of several joints.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(
     untagged,
     expecting = "expected one number, a list with one number per joint, or a table by names of joints"
 )]
 pub enum JointNumbers {
-    /// One number for all joints, or one for each.
+    /// One number for all joints, or one per joint.
     Each(PerJoint),
     /// Numbers by joint name.
     Named(std::collections::BTreeMap<String, f64>),
@@ -176,10 +178,10 @@ pub enum JointNumbers {
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct JointDriveConfig {
-    /// Stiffness, N m/rad or N/m: one number for all joints, or one for each. Default: the stiffness of the
+    /// Stiffness, N m/rad or N/m: one number for all joints, or one per joint. Default: the gains of the
     /// robot's profile.
     pub kp: Option<PerJoint>,
-    /// Damping, N m s/rad or N s/m: one number for all joints, or one for each. Default: the damping of the
+    /// Damping, N m s/rad or N s/m: one number for all joints, or one per joint. Default: the gains of the
     /// robot's profile.
     pub kd: Option<PerJoint>,
     /// Adds the effort that compensates gravity. A floating base is assumed to be upright and at rest.

@@ -26,16 +26,16 @@ use plan::{Goal, Plan};
 /// `goal`, s.
 const SETTLING: f64 = 1.0;
 
-/// Moves the joints of a robot through goals, from rest to rest along straight lines in joint space, within
-/// limits of velocity, acceleration and jerk; see [`StraightMove`].
+/// A policy that moves the joints of a robot through goals, from rest to rest along straight lines in joint
+/// space, within limits of velocity, acceleration and jerk; see [`StraightMove`].
 ///
 /// The movement starts with the first joint state, at the robot's current position. A goal is reached if
 /// every measured joint is within the tolerance at the end of the dwell time. A closed finger always counts
 /// as within the tolerance, because an object may stop it.
 ///
-/// A goal from the input `goal` replaces all configured ones. While the present motion continues, limits and
-/// reach are checked, and the joint positions of a pose are computed over several steps. Then the motion
-/// brakes on its line and continues to the new goal: position, velocity and acceleration are continuous, and
+/// A goal from the input `goal` replaces all configured goals. While the current motion continues, limits and
+/// reach are checked, and the joint positions of a pose are computed over several steps. The motion then
+/// brakes on its line and continues to the new goal: position, velocity and acceleration are continuous and
 /// within the limits.
 #[derive(Debug)]
 pub struct TrajectoryPolicy {
@@ -304,7 +304,7 @@ fn driven(
     CommandedJoints::new(&command(config), config.gravity, robot, names)
 }
 
-/// Moves the joints of a robot to a pose of its profile; see [`TrajectoryPolicy`].
+/// A policy that moves the joints of a robot to a pose of its profile; see [`TrajectoryPolicy`].
 #[derive(Debug)]
 pub struct HomePolicy(TrajectoryPolicy);
 

@@ -14,11 +14,11 @@ use crate::robot;
 const SEARCH: IkOptions =
     IkOptions { position_tolerance: 1e-7, rotation_tolerance: 1e-6, iterations: 100, seeds: 8, posture: 0.1 };
 
-/// Computes the joint positions of a [`MotionGoal`], in parts that fit into the steps of a loop. Only
-/// [`new`](Self::new) allocates.
+/// Computes the joint positions of a [`MotionGoal`] in several calls, each short enough for a step of a
+/// control loop. Only [`new`](Self::new) allocates.
 ///
 /// Limits of the joints and the reach of the end effector are checked first. The search for a pose starts
-/// from the previous goal, and does not check for collisions.
+/// from the previous goal and does not check for collisions.
 ///
 /// ```
 /// use motorium::declare::RobotReference;
@@ -64,61 +64,62 @@ struct Tool {
 pub enum Planned {
     /// The search continues.
     Searching,
-    /// [`GoalPlanner::target`] are the joint positions.
+    /// The joint positions have been found; see [`GoalPlanner::target`].
     Ready,
     /// The goal cannot be reached.
     Refused(Refusal),
 }
 
-/// Reason for refusing a goal. [`GoalPlanner::explain`] formats it as a message.
+/// Reason for refusing a goal. [`GoalPlanner::explain`] formats the reason as a message.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Refusal {
-    /// Neither a pose nor joint positions.
+    /// The goal has neither a pose nor joint positions.
     Empty,
-    /// A negative duration, s.
+    /// The duration is negative. Contains the duration, s.
     Duration(f64),
     /// The number of joints differs from the robot's.
     JointCount {
-        /// Joints of the goal.
+        /// Number of joints of the goal.
         found: usize,
-        /// Joints of the robot.
+        /// Number of joints of the robot.
         expected: usize,
     },
-    /// A joint position outside of its range.
+    /// A joint position is outside of the joint's range.
     OutsideRange {
         /// Index of the joint.
         joint: usize,
-        /// Its position in the goal, rad or m.
+        /// Position of the joint in the goal, rad or m.
         position: f64,
     },
-    /// A pose for a robot without a unique end effector on a fixed base.
+    /// The goal has a pose, but the robot has no unique end effector on a fixed base.
     NoEndEffector,
-    /// The length of the quaternion is not 1.
+    /// The quaternion does not have length 1. Contains its length.
     Orientation(f64),
-    /// The position of a joint, by index, that the pose determines.
+    /// The goal has a position for a joint whose position the pose determines. Contains the index of the
+    /// joint.
     JointOfPose(usize),
-    /// The position is farther from the first joint than all links in one line.
+    /// The position is farther from the first joint than the length of all links in one line.
     BeyondReach {
         /// Distance from the first joint, m.
         distance: f64,
-        /// Length of all links, m.
+        /// Length of all links in one line, m.
         reach: f64,
     },
     /// No joint positions within their limits reach the pose.
     NoSolution {
-        /// Distance of the nearest pose found, m.
+        /// Distance of the nearest pose found from the goal, m.
         position_error: f64,
-        /// Its angle, rad.
+        /// Angle between the nearest pose found and the goal, rad.
         rotation_error: f64,
     },
 }
 
 impl GoalPlanner {
-    /// Creates a planner for a robot. `frame` is the frame placed by poses; default: the frame of the robot's
-    /// only end effector.
+    /// Creates a planner for a robot. `frame` is the frame to which poses refer, by default the frame of the
+    /// robot's only end effector.
     ///
     /// # Errors
-    /// The robot cannot be loaded, or does not have this frame.
+    /// [`ConfigError`] if the robot cannot be loaded, or does not have this frame.
     pub fn new(reference: &RobotReference, frame: Option<&str>) -> Result<Self, ConfigError> {
         Self::of_loaded(robot::load(reference)?, frame)
     }
@@ -148,7 +149,7 @@ impl GoalPlanner {
         Ok(Self { model, tool, target, is_searching: false })
     }
 
-    /// The robot.
+    /// Returns the robot.
     pub fn model(&self) -> &Model {
         &self.model
     }
@@ -158,14 +159,14 @@ impl GoalPlanner {
         self.tool.as_ref().is_some_and(|tool| tool.moving[joint])
     }
 
-    /// Begins with a goal. `previous` are the joint positions of the previous goal, rad or m; joints without
-    /// a position in `goal` keep theirs.
+    /// Begins the search for a goal. `previous` contains the joint positions of the previous goal, rad or m;
+    /// joints without a position in `goal` keep these positions.
     ///
     /// # Errors
-    /// The goal is invalid, or certainly out of reach.
+    /// [`Refusal`] if the goal is invalid, or certainly out of reach.
     ///
     /// # Panics
-    /// If `previous` does not have one position for each joint.
+    /// If the length of `previous` differs from the number of joints.
     pub fn begin(&mut self, goal: &MotionGoal, previous: &[f64]) -> Result<(), Refusal> {
         self.is_searching = false;
         let expected = self.model.joint_count();
@@ -221,12 +222,12 @@ impl GoalPlanner {
         }
     }
 
-    /// Joint positions of the goal, rad or m.
+    /// Returns the joint positions that were found, rad or m.
     pub fn target(&self) -> &[f64] {
         &self.target
     }
 
-    /// Returns a refusal as a message.
+    /// Returns a displayable message that explains a refusal.
     pub fn explain<'a>(&'a self, refusal: &'a Refusal) -> impl fmt::Display + 'a {
         Explained { planner: self, refusal }
     }

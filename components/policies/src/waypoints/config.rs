@@ -17,27 +17,27 @@ use serde::Deserialize;
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct WaypointsConfig {
-    /// The goals in order.
+    /// Goals in order.
     pub goals: Vec<WaypointConfig>,
-    /// Behaviour after the last goal: "once" stays there, "forever" returns to the first.
+    /// Behaviour after the last goal: "once" stays at this goal, "forever" returns to the first goal.
     #[serde(default)]
     pub repeat: Repeat,
-    /// Largest speed, m/s. Default: 80 % of the speed that the robot's wheels can reach, at most 0.5.
+    /// Maximum speed, m/s. Default: 80 % of the speed that the robot's wheels can reach, at most 0.5.
     #[serde(default)]
     pub speed: Option<f64>,
-    /// Largest acceleration, m/s^2. Default 0.5.
+    /// Maximum acceleration, m/s^2. Default 0.5.
     #[serde(default = "half")]
     pub acceleration: f64,
-    /// Largest jerk, m/s^3. Default 5.
+    /// Maximum jerk, m/s^3. Default 5.
     #[serde(default = "five")]
     pub jerk: f64,
-    /// Largest turn rate, rad/s. Default: 80 % of the rate that the robot's wheels can reach, at most 1.
+    /// Maximum yaw rate, rad/s. Default: 80 % of the rate that the robot's wheels can reach, at most 1.
     #[serde(default)]
     pub turn_speed: Option<f64>,
-    /// Largest angular acceleration, rad/s^2. Default 2.
+    /// Maximum angular acceleration, rad/s^2. Default 2.
     #[serde(default = "two")]
     pub turn_acceleration: f64,
-    /// Largest angular jerk, rad/s^3. Default 20.
+    /// Maximum angular jerk, rad/s^3. Default 20.
     #[serde(default = "twenty")]
     pub turn_jerk: f64,
     /// Gain of the position correction, 1/s. Default 2.
@@ -49,22 +49,22 @@ pub struct WaypointsConfig {
     /// Distance within which a base that cannot move sideways returns to its line, m. Default 0.1.
     #[serde(default = "tenth")]
     pub length: f64,
-    /// Largest distance from a goal at which it counts as reached, m. Default 0.02.
+    /// Maximum distance from a goal at which it counts as reached, m. Default 0.02.
     #[serde(default = "two_hundredths")]
     pub position_tolerance: f64,
-    /// Largest angular deviation at which a goal counts as reached, rad. Default 0.0175, 1 degree.
+    /// Maximum angle from a goal at which it counts as reached, rad. Default 0.0175, which is 1 degree.
     #[serde(default = "degree")]
     pub yaw_tolerance: f64,
-    /// Maximum delay at a goal. After it, the goal counts as missed and the next goal starts. Default 2 s.
+    /// Maximum delay at a goal, after which the goal counts as missed and the next goal starts. Default 2 s.
     #[serde(default = "grace")]
     pub grace: TimeSpan,
 }
 
-/// A goal of the base.
+/// A planar goal of the base.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct WaypointConfig {
-    /// Position in the world, x and y, m.
+    /// Position x and y in the world, m.
     pub position: [f64; 2],
     /// Angle about z at the goal, rad. Default: the angle at which the base arrives.
     #[serde(default)]

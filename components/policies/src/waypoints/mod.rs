@@ -14,11 +14,10 @@ use motorium_primitives::route::{Place, Route, RouteSettings, Stop, turn_between
 use motorium_robots::{MobileBase, Model, Steering};
 use nalgebra::{Quaternion, UnitQuaternion};
 
-/// Drives a base through planar poses by feedback from its odometry; see [`Route`].
+/// A policy that drives a base through planar poses by feedback from its odometry; see [`Route`].
 ///
 /// A goal is reached if the base is within the tolerances at the end of the dwell time. The pose for this
-/// evaluation comes from the odometry or, if wired, from the input `true_base`, which is used for nothing
-/// else.
+/// evaluation comes from the odometry or, if wired, from the input `true_base`, which has no other use.
 #[derive(Debug)]
 pub struct WaypointsPolicy {
     odometry: Input<Odometry>,

@@ -260,7 +260,7 @@ fn invalid_configurations_are_refused_with_their_key() {
     let (key, message) =
         refuse::<CpgPolicy>(json!({ "gait": "trot", "legs": [leg("joint1"), leg("joint2")] }));
     assert_eq!(key.as_deref(), Some("gait"));
-    assert_eq!(message, "2 legs have no trot gait: use walk or bound");
+    assert_eq!(message, "the trot gait is not defined for 2 legs: use walk or bound");
     let (key, message) =
         refuse::<CpgPolicy>(json!({ "gait": "walk", "legs": [leg("joint1"), leg("joint9")] }));
     assert_eq!(key.as_deref(), Some("legs[1].joints[0].joint"));

@@ -6,20 +6,21 @@
 /// difference is `asin((omega_measured - omega) / gain)`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Entrainment {
-    /// Strength, rad/s.
+    /// Strength of the pull, rad/s.
     pub gain: f64,
-    /// Desired lead of the oscillator over the measurement, rad.
+    /// Desired phase lead of the oscillator over the measurement, rad.
     pub lead: f64,
 }
 
 impl Entrainment {
-    /// Returns the term to add to the phase rate, rad/s.
+    /// Returns the term to add to the phase rate, rad/s, for a measured phase and the oscillator's phase,
+    /// rad.
     pub fn pull(&self, measured: f64, phase: f64) -> f64 {
         self.gain * (measured + self.lead - phase).sin()
     }
 
-    /// Returns the phase of a joint that swings as `centre + a cos(phi)`, computed from its measured position
-    /// and velocity and the angular velocity `omega` (rad/s) of the swing.
+    /// Computes the phase, rad, of a joint that swings as `centre + a cos(phi)`, from its measured position
+    /// and velocity. `omega` is the angular velocity of the swing, rad/s.
     pub fn measured_phase(position: f64, velocity: f64, centre: f64, omega: f64) -> f64 {
         (-velocity / omega).atan2(position - centre)
     }

@@ -17,23 +17,24 @@ pub enum Gait {
     /// quarter of a stride apart. Six legs follow the metachronal wave: on each side from rear to front, a
     /// sixth of a stride apart, the two sides alternating.
     Walk,
-    /// Diagonal legs together. Four legs.
+    /// Diagonal legs move together. Four legs.
     Trot,
-    /// Both legs of a side together. Four legs.
+    /// Both legs of a side move together. Four legs.
     Pace,
-    /// Front legs together, then hind legs. With two legs, both together (a hop). Two or four legs.
+    /// The front legs move together, then the hind legs. With two legs, both move together (a hop). Two or
+    /// four legs.
     Bound,
-    /// Alternating tripods: LF, RM, LH together, then the other three. Six legs.
+    /// Alternating tripods: LF, RM and LH move together, then the other three. Six legs.
     Tripod,
 }
 
 /// Error of a gait that is not defined for this number of legs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{legs} legs have no {gait} gait: {}", advice(*.legs))]
+#[error("the {gait} gait is not defined for {legs} legs: {}", advice(*.legs))]
 pub struct GaitError {
-    /// The gait.
+    /// Requested gait.
     pub gait: Gait,
-    /// The legs.
+    /// Number of legs.
     pub legs: usize,
 }
 
@@ -53,7 +54,7 @@ impl fmt::Display for Gait {
 }
 
 impl Gait {
-    /// Name of the gait in graph files.
+    /// Returns the name of the gait in graph files.
     pub fn name(self) -> &'static str {
         match self {
             Self::Walk => "walk",
@@ -64,7 +65,7 @@ impl Gait {
         }
     }
 
-    /// Gaits defined for a number of legs; empty unless `legs` is 2, 4 or 6.
+    /// Returns the gaits defined for a number of legs; empty unless `legs` is 2, 4 or 6.
     pub fn for_legs(legs: usize) -> &'static [Self] {
         match legs {
             2 => &[Self::Walk, Self::Bound],
@@ -77,7 +78,7 @@ impl Gait {
     /// Returns the phase of each leg, rad in \[0, 2 pi).
     ///
     /// # Errors
-    /// The gait is not defined for this number of legs.
+    /// [`GaitError`] if the gait is not defined for this number of legs.
     pub fn phases(self, legs: usize) -> Result<&'static [f64], GaitError> {
         Ok(match (self, legs) {
             (Self::Walk, 2) => &[0.0, PI],
@@ -92,8 +93,8 @@ impl Gait {
         })
     }
 
-    /// Usual fraction of the stride that a leg spends in stance. Above one half for gaits without a flight
-    /// phase.
+    /// Returns the usual fraction of the stride that a leg spends in stance. It exceeds one half for gaits
+    /// without a flight phase.
     pub fn duty_factor(self, legs: usize) -> f64 {
         match (self, legs) {
             (Self::Walk, 2) => 0.6,
@@ -112,7 +113,7 @@ mod tests {
     #[test]
     fn gait_for_another_leg_count_is_rejected_with_alternatives() {
         let error = Gait::Tripod.phases(4).unwrap_err().to_string();
-        assert_eq!(error, "4 legs have no tripod gait: use walk, trot, pace or bound");
+        assert_eq!(error, "the tripod gait is not defined for 4 legs: use walk, trot, pace or bound");
         assert!(Gait::Walk.phases(5).unwrap_err().to_string().contains("two, four and six"));
     }
 

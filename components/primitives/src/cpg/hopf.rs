@@ -28,9 +28,9 @@ impl Default for HopfSettings {
 }
 
 impl HopfSettings {
-    /// Returns these settings with speeds for a stride of `period` seconds, of which `duty_factor`, in (0,
-    /// 1), is stance. Each half turn has its own speed: `omega_st = pi / (d P)`, `omega_sw = pi / ((1 - d)
-    /// P)`.
+    /// Returns these settings with speeds for a stride of `period` seconds. `duty_factor`, in (0, 1), is the
+    /// fraction of the stride spent in stance. Each half of the cycle has its own speed: `omega_st = pi / (d
+    /// P)`, `omega_sw = pi / ((1 - d) P)`.
     #[must_use]
     pub fn with_stride(self, period: f64, duty_factor: f64) -> Self {
         Self {
@@ -41,7 +41,7 @@ impl HopfSettings {
     }
 }
 
-/// Coupled Hopf oscillators. With `mu` the squared amplitude and `r^2 = x^2 + y^2`,
+/// A network of coupled Hopf oscillators. With `mu` the squared amplitude and `r^2 = x^2 + y^2`,
 ///
 /// `x_i' = gamma (mu - r^2) x_i - omega_i y_i + c_i^x + s_i`, `y_i' = gamma (mu - r^2) y_i + omega_i x_i +
 /// c_i^y`,
@@ -65,11 +65,11 @@ pub struct HopfNetwork {
 }
 
 impl HopfNetwork {
-    /// Creates a network from settings, couplings `k` (entry `k_ij`: action of j on i, 1/s) and the phases of
-    /// the pattern, rad. All oscillators start on the limit cycle, in the pattern.
+    /// Creates a network from settings, couplings `k` (entry `k_ij`: action of oscillator j on i, 1/s) and
+    /// the phases of the pattern, rad. All oscillators start on the limit cycle, in the pattern.
     ///
     /// # Errors
-    /// Sizes do not match, or a number is out of range.
+    /// [`CpgError`] if sizes do not match, or a number is out of range.
     pub fn new(settings: HopfSettings, couplings: DMatrix<f64>, phases: &[f64]) -> Result<Self, CpgError> {
         let n = phases.len();
         size("the rows of the couplings", couplings.nrows(), n)?;
@@ -104,11 +104,11 @@ impl HopfNetwork {
         Ok(network)
     }
 
-    /// Commands the phase of every oscillator in the pattern, rad. The state stays continuous and converges
-    /// to the new pattern.
+    /// Sets the target phase of every oscillator in the pattern, rad. The state stays continuous and
+    /// converges to the new pattern.
     ///
     /// # Errors
-    /// The length is wrong, or a number is not finite.
+    /// [`CpgError`] if the length is wrong, or a number is not finite.
     pub fn set_pattern(&mut self, phases: &[f64]) -> Result<(), CpgError> {
         size("the pattern", phases.len(), self.state.len())?;
         finite("the pattern", phases)?;
@@ -118,10 +118,10 @@ impl HopfNetwork {
         Ok(())
     }
 
-    /// Changes amplitude and speeds at run time.
+    /// Changes the settings, including amplitude and speeds, at run time.
     ///
     /// # Errors
-    /// A number is out of range.
+    /// [`CpgError`] if a number is out of range.
     pub fn set_settings(&mut self, settings: HopfSettings) -> Result<(), CpgError> {
         for (name, value) in [
             ("convergence", settings.convergence),
@@ -136,10 +136,10 @@ impl HopfNetwork {
         Ok(())
     }
 
-    /// Sets the state `(x, y)` of an oscillator. The output is discontinuous.
+    /// Sets the state `(x, y)` of an oscillator. This makes the output discontinuous.
     ///
     /// # Errors
-    /// The oscillator does not exist, or a number is not finite.
+    /// [`CpgError`] if the oscillator does not exist, or a number is not finite.
     pub fn set_state(&mut self, oscillator: usize, (x, y): (f64, f64)) -> Result<(), CpgError> {
         finite("the state", &[x, y])?;
         let found = self.state.len();
@@ -158,8 +158,8 @@ impl HopfNetwork {
         self.step_with_feedback(dt, &[]);
     }
 
-    /// Like [`step`](Self::step), with `feedback[i]` (unit of the output per second) added to `x_i'`. An
-    /// empty slice means no feedback.
+    /// Advances like [`step`](Self::step), with `feedback[i]` (unit of the output per second) added to
+    /// `x_i'`. An empty slice means no feedback.
     pub fn step_with_feedback(&mut self, dt: f64, feedback: &[f64]) {
         if dt.is_nan() || dt <= 0.0 {
             return;
@@ -182,22 +182,22 @@ impl HopfNetwork {
         self.write(feedback);
     }
 
-    /// The output `x` of every oscillator.
+    /// Returns the output `x` of every oscillator.
     pub fn output(&self) -> &[f64] {
         &self.output
     }
 
-    /// The derivative of the output, per second.
+    /// Returns the derivative of the output, per second.
     pub fn velocity(&self) -> &[f64] {
         &self.velocity
     }
 
-    /// The states `(x, y)`.
+    /// Returns the state `(x, y)` of every oscillator.
     pub fn states(&self) -> &[(f64, f64)] {
         &self.state
     }
 
-    /// The derivatives `(x', y')`, per second.
+    /// Returns the derivative `(x', y')` of every state, per second.
     pub fn rates(&self) -> &[(f64, f64)] {
         &self.rates
     }

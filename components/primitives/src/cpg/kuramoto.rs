@@ -5,8 +5,8 @@ use nalgebra::DMatrix;
 use super::phases::{CoupledPhases, Influence};
 use super::{CpgError, finite, size};
 
-/// Kuramoto oscillators: `phi_i' = omega_i + sum_j k_ij sin(phi_j - phi_i - phi_ij)`, with `phi_ij =
-/// theta_j - theta_i`.
+/// A network of Kuramoto oscillators: `phi_i' = omega_i + sum_j k_ij sin(phi_j - phi_i - phi_ij)`, with
+/// `phi_ij = theta_j - theta_i`.
 #[derive(Clone, Debug)]
 pub struct Kuramoto {
     phases: CoupledPhases,
@@ -18,11 +18,11 @@ pub struct Kuramoto {
 
 impl Kuramoto {
     /// Creates oscillators from their natural angular velocities (rad/s), the couplings `k` (entry `k_ij`:
-    /// action of j on i, rad/s) and the phases `theta` of the pattern (rad; zeros synchronise). The phases
-    /// start at `theta`.
+    /// action of oscillator j on i, rad/s) and the phases `theta` of the pattern (rad; zeros synchronise).
+    /// The phases start at `theta`.
     ///
     /// # Errors
-    /// Sizes do not match, or a number is not finite.
+    /// [`CpgError`] if sizes do not match, or a number is not finite.
     pub fn new(omega: Vec<f64>, couplings: DMatrix<f64>, theta: Vec<f64>) -> Result<Self, CpgError> {
         let n = omega.len();
         size("the phases of the pattern", theta.len(), n)?;
@@ -45,7 +45,7 @@ impl Kuramoto {
     /// Sets the phases, rad.
     ///
     /// # Errors
-    /// The length is wrong, or a number is not finite.
+    /// [`CpgError`] if the length is wrong, or a number is not finite.
     pub fn set_phases(&mut self, phases: &[f64]) -> Result<(), CpgError> {
         size("phases", phases.len(), self.omega.len())?;
         finite("phases", phases)?;
@@ -59,7 +59,7 @@ impl Kuramoto {
         self.step_entrained(dt, &[]);
     }
 
-    /// Like [`step`](Self::step), with `pull[i]` (rad/s) added to the rate of each phase; see
+    /// Advances like [`step`](Self::step), with `pull[i]` (rad/s) added to the rate of each phase; see
     /// [`Entrainment`](super::Entrainment). An empty slice means no entrainment.
     pub fn step_entrained(&mut self, dt: f64, pull: &[f64]) {
         let (omega, theta) = (&self.omega, &self.theta);
@@ -68,13 +68,13 @@ impl Kuramoto {
         self.wrap();
     }
 
-    /// The phases in \[0, 2 pi), rad.
+    /// Returns the phases in \[0, 2 pi), rad.
     pub fn phases(&self) -> &[f64] {
         &self.wrapped
     }
 
-    /// Order parameter `r = |sum_j exp(i (phi_j - theta_j))| / n`: 1 in the pattern, near 0 for incoherent
-    /// phases.
+    /// Returns the order parameter `r = |sum_j exp(i (phi_j - theta_j))| / n`: 1 in the pattern, near 0 for
+    /// incoherent phases.
     pub fn order(&self) -> f64 {
         let (mut real, mut imaginary) = (0.0, 0.0);
         for (phase, theta) in self.phases.phase.iter().zip(&self.theta) {

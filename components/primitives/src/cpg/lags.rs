@@ -2,14 +2,14 @@
 
 use std::f64::consts::{PI, TAU};
 
-/// Desired lead of one oscillator over another.
+/// Desired phase lead of one oscillator over another.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lag {
-    /// The lagging oscillator.
+    /// Index of the lagging oscillator.
     pub follower: usize,
-    /// The oscillator that leads.
+    /// Index of the leading oscillator.
     pub leader: usize,
-    /// `phi_leader - phi_follower`, rad.
+    /// Lead `phi_leader - phi_follower`, rad.
     pub ahead: f64,
 }
 
@@ -17,9 +17,9 @@ pub struct Lag {
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum LagError {
     /// An index is out of range.
-    #[error("lag of oscillator {found}: out of range, expected an index below {oscillators}")]
+    #[error("a lag refers to oscillator {found}, expected an index below {oscillators}")]
     NoSuchOscillator {
-        /// Index given.
+        /// Index found.
         found: usize,
         /// Number of oscillators.
         oscillators: usize,
@@ -27,25 +27,25 @@ pub enum LagError {
     /// A lag is not finite.
     #[error("the lag between oscillators {follower} and {leader} is {ahead}, expected a finite number")]
     NotFinite {
-        /// The lagging oscillator.
+        /// Index of the lagging oscillator.
         follower: usize,
-        /// The leading oscillator.
+        /// Index of the leading oscillator.
         leader: usize,
-        /// The lag.
+        /// Lag found, rad.
         ahead: f64,
     },
-    /// The lags around a loop do not add up to whole turns.
+    /// The lags around a loop do not sum to a multiple of 2 pi.
     #[error(
         "oscillator {leader} must lead {follower} by {ahead:.4} rad, but the other lags of the loop imply {implied:.4}: the loop does not close"
     )]
     Inconsistent {
-        /// The lagging oscillator.
+        /// Index of the lagging oscillator.
         follower: usize,
-        /// The leading oscillator.
+        /// Index of the leading oscillator.
         leader: usize,
-        /// The lag given.
+        /// Lag found, rad.
         ahead: f64,
-        /// Lag implied by the others.
+        /// Lag implied by the other lags, rad.
         implied: f64,
     },
 }
@@ -53,12 +53,12 @@ pub enum LagError {
 /// Tolerance of the sum of lags around a loop, rad. Covers the rounding of printed lags.
 const TOLERANCE: f64 = 1e-3;
 
-/// Finds one phase per oscillator, rad, such that the differences are the given lags. The first oscillator of
-/// every connected group has phase 0.
+/// Computes one phase per oscillator, rad, such that the phase differences equal the given lags. The first
+/// oscillator of every connected group has phase 0.
 ///
 /// # Errors
-/// Lags contradict each other (`phi_ij` and `phi_ji` form a loop, too), an oscillator does not exist, or a
-/// lag is not finite.
+/// [`LagError`] if lags contradict each other (a lag in each direction between two oscillators also forms a
+/// loop), an oscillator does not exist, or a lag is not finite.
 pub fn consistent_phases(oscillators: usize, lags: &[Lag]) -> Result<Vec<f64>, LagError> {
     for lag in lags {
         for found in [lag.follower, lag.leader] {
@@ -149,6 +149,6 @@ mod tests {
     #[test]
     fn unknown_oscillator_is_rejected_by_index() {
         let error = consistent_phases(2, &[lag(0, 5, 1.0)]).unwrap_err().to_string();
-        assert_eq!(error, "lag of oscillator 5: out of range, expected an index below 2");
+        assert_eq!(error, "a lag refers to oscillator 5, expected an index below 2");
     }
 }

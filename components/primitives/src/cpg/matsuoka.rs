@@ -4,14 +4,14 @@ use nalgebra::DMatrix;
 
 use super::{CpgError, finite, positive, size};
 
-/// Parameters of a neuron. [`Default`] returns the values documented on each field.
+/// Parameters of a Matsuoka neuron. [`Default`] returns the values documented on each field.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MatsuokaSettings {
     /// Rise time `tau_1`, s. Default 0.25.
     pub rise_time: f64,
     /// Fatigue time `tau_2`, s. Default 0.5.
     pub fatigue_time: f64,
-    /// Fatigue `beta`. Default 2.5.
+    /// Fatigue coefficient `beta`. Default 2.5.
     pub fatigue: f64,
     /// Tonic input `c`. Default 1.
     pub tonic: f64,
@@ -30,8 +30,9 @@ impl MatsuokaSettings {
         1.0 + self.fatigue > w && w > 1.0 + self.rise_time / self.fatigue_time
     }
 
-    /// Approximate frequency of such a pair, Hz, by harmonic balance (Matsuoka 2011): `sqrt(((tau_1 + tau_2)
-    /// beta - tau_1 w) / (tau_1 w)) / (2 pi tau_2)`. `None` where the equation has no solution.
+    /// Returns the approximate frequency of such a pair, Hz, by harmonic balance (Matsuoka 2011):
+    /// `sqrt(((tau_1 + tau_2) beta - tau_1 w) / (tau_1 w)) / (2 pi tau_2)`. Returns `None` if the equation
+    /// has no solution.
     pub fn pair_frequency(&self, w: f64) -> Option<f64> {
         let Self { rise_time, fatigue_time, fatigue, .. } = *self;
         let squared = ((rise_time + fatigue_time) * fatigue - rise_time * w) / (rise_time * w);
@@ -39,7 +40,7 @@ impl MatsuokaSettings {
     }
 }
 
-/// Mutually inhibiting neurons with fatigue:
+/// A network of mutually inhibiting neurons with fatigue:
 ///
 /// `tau_1 u_i' = -u_i - beta v_i - sum_j w_ij y_j + c + s_i`, `tau_2 v_i' = -v_i + y_i`, `y_i = max(0, u_i)`.
 #[derive(Clone, Debug)]
@@ -54,12 +55,12 @@ pub struct MatsuokaOscillator {
 }
 
 impl MatsuokaOscillator {
-    /// Creates neurons from the inhibition weights `w` (entry `w_ij`: action of j on i; positive inhibits).
-    /// All neurons start at rest except the first, whose potential is 0.1, because identical neurons would
-    /// stay identical.
+    /// Creates neurons from the inhibition weights `w` (entry `w_ij`: action of neuron j on i; a positive
+    /// weight inhibits). All neurons start at rest except the first, whose potential is 0.1, because
+    /// identical neurons would stay identical.
     ///
     /// # Errors
-    /// The matrix is not square, or a number is out of range.
+    /// [`CpgError`] if the matrix is not square, or a number is out of range.
     pub fn new(settings: MatsuokaSettings, weights: DMatrix<f64>) -> Result<Self, CpgError> {
         let n = weights.nrows();
         size("the columns of the weights", weights.ncols(), n)?;
@@ -85,18 +86,19 @@ impl MatsuokaOscillator {
         Ok(oscillator)
     }
 
-    /// Creates a pair of neurons that inhibit each other with `w`: flexor and extensor of one joint.
+    /// Creates a pair of neurons that inhibit each other with weight `w`, such as flexor and extensor of one
+    /// joint.
     ///
     /// # Errors
-    /// A number is out of range.
+    /// [`CpgError`] if a number is out of range.
     pub fn pair(settings: MatsuokaSettings, w: f64) -> Result<Self, CpgError> {
         Self::new(settings, DMatrix::from_row_slice(2, 2, &[0.0, w, w, 0.0]))
     }
 
-    /// Sets potential and fatigue of every neuron. The output is discontinuous.
+    /// Sets the potential and fatigue of every neuron. This makes the output discontinuous.
     ///
     /// # Errors
-    /// The length is wrong, or a number is not finite.
+    /// [`CpgError`] if the length is wrong, or a number is not finite.
     pub fn set_state(&mut self, state: &[(f64, f64)]) -> Result<(), CpgError> {
         size("the state", state.len(), self.state.len())?;
         for (u, v) in state {
@@ -112,8 +114,8 @@ impl MatsuokaOscillator {
         self.step_with_feedback(dt, &[]);
     }
 
-    /// Like [`step`](Self::step), with an entraining input `feedback[i]` to each neuron. An empty slice means
-    /// no input.
+    /// Advances like [`step`](Self::step), with an entraining input `feedback[i]` to each neuron. An empty
+    /// slice means no input.
     pub fn step_with_feedback(&mut self, dt: f64, feedback: &[f64]) {
         if dt.is_nan() || dt <= 0.0 {
             return;
@@ -136,17 +138,17 @@ impl MatsuokaOscillator {
         self.write();
     }
 
-    /// Potential and fatigue of every neuron.
+    /// Returns the potential and fatigue of every neuron.
     pub fn states(&self) -> &[(f64, f64)] {
         &self.state
     }
 
-    /// The firing rate `y` of every neuron.
+    /// Returns the firing rate `y` of every neuron.
     pub fn output(&self) -> &[f64] {
         &self.output
     }
 
-    /// Output of a pair, `y_0 - y_1`; zero for a single neuron.
+    /// Returns the output `y_0 - y_1` of a pair; zero for a single neuron.
     pub fn difference(&self) -> f64 {
         match self.output[..] {
             [flexor, extensor, ..] => flexor - extensor,

@@ -53,7 +53,7 @@ pub use network::{LegSettings, NetworkSettings, Node, PhaseNetwork};
 pub use oscillator_network::{JointOscillation, OscillatorNetwork, OscillatorNetworkSettings};
 pub use oscillators::Oscillator;
 
-/// An error of creating or commanding a pattern generator. The generator is left unchanged.
+/// Error of creating or commanding a pattern generator. The generator is left unchanged.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum CpgError {
     /// A number, vector or matrix is invalid.

@@ -11,7 +11,7 @@ use super::phases::{CoupledPhases, Influence};
 use super::{CpgError, finite, positive, size};
 use crate::dmp::{CriticalSpring, Stride};
 
-/// Commands of one node.
+/// Target amplitude, offset and phase of one node.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Node {
     /// Amplitude `A`, unit of the output.
@@ -44,8 +44,8 @@ pub struct NetworkSettings {
     pub frequency: f64,
     /// Damping `D` of amplitudes, offsets and frequency, 1/s; the stiffness is `K = D^2 / 4`. Default 20.
     pub damping: f64,
-    /// Damping of the pattern phases, which smooths gait changes, 1/s. Default 8: most of a change is
-    /// complete after half a second.
+    /// Damping of the pattern phases, which smooths gait changes, 1/s. Default 8, with which most of a change
+    /// is complete after half a second.
     pub transition: f64,
 }
 
@@ -55,15 +55,15 @@ impl Default for NetworkSettings {
     }
 }
 
-/// Coupled nodes, each with a phase, an amplitude and an offset (Ijspeert et al. 2007):
+/// A network of coupled nodes, each with a phase, an amplitude and an offset (Ijspeert et al. 2007):
 ///
 /// `phi_i' = 2 pi nu + sum_j a_j w_ij sin(phi_j - phi_i - phi_ij)`, `a_i'' = K (A_i - a_i) - D a_i'`, `o_i''
 /// = K (O_i - o_i) - D o_i'`, output `y_i = o_i + a_i cos(phi_i)`.
 ///
-/// `nu` follows its command with the same spring (in the publication it jumps). Lags are differences of
-/// pattern phases, `phi_ij = theta_j - theta_i`, and `theta` turns to the next gait the shorter way round.
-/// Outputs and their derivatives therefore stay continuous. Amplitudes start at zero, so the rhythm grows out
-/// of the offsets.
+/// `nu` follows its command with the same spring (in the publication it changes in a step). Lags are
+/// differences of pattern phases, `phi_ij = theta_j - theta_i`. When the gait changes, `theta` takes the
+/// shorter direction around the circle. Outputs and their derivatives therefore stay continuous. Amplitudes
+/// start at zero, so the rhythm grows out of the offsets.
 #[derive(Clone, Debug)]
 pub struct PhaseNetwork {
     settings: NetworkSettings,
@@ -81,11 +81,11 @@ pub struct PhaseNetwork {
 }
 
 impl PhaseNetwork {
-    /// Creates a network from nodes and coupling weights `w` (entry `w_ij`: action of j on i, rad/s per unit
-    /// of amplitude).
+    /// Creates a network from nodes and coupling weights `w` (entry `w_ij`: action of node j on i, rad/s per
+    /// unit of amplitude).
     ///
     /// # Errors
-    /// Sizes do not match, or a number is out of range.
+    /// [`CpgError`] if sizes do not match, or a number is out of range.
     pub fn new(nodes: &[Node], weights: DMatrix<f64>, settings: NetworkSettings) -> Result<Self, CpgError> {
         let n = nodes.len();
         size("the rows of the weights", weights.nrows(), n)?;
@@ -119,12 +119,12 @@ impl PhaseNetwork {
         Ok(network)
     }
 
-    /// Creates a network with one node per leg, every leg coupled to every other with `weight / (A (n - 1))`.
-    /// A deviation from the gait then decays at about `weight` (1/s), independently of the number of legs and
-    /// their amplitude.
+    /// Creates a network with one node per leg. Every leg is coupled to every other leg with
+    /// `weight / (A (n - 1))`. A deviation from the gait then decays at about `weight` (1/s), independently of
+    /// the number of legs and their amplitude.
     ///
     /// # Errors
-    /// The gait is not defined for this number of legs, or a number is out of range.
+    /// [`CpgError`] if the gait is not defined for this number of legs, or a number is out of range.
     pub fn of_gait(gait: Gait, legs: &[LegSettings], weight: f64) -> Result<Self, CpgError> {
         let phases = gait.phases(legs.len())?;
         let nodes: Vec<Node> = legs
@@ -136,8 +136,8 @@ impl PhaseNetwork {
         Self::new(&nodes, weights, NetworkSettings::default())
     }
 
-    /// Weights that couple every node with every other, `weight / (A_j (n - 1))`; nodes of zero amplitude act
-    /// on no other node.
+    /// Returns weights that couple every node with every other node, `weight / (A_j (n - 1))`. A node of zero
+    /// amplitude acts on no other node.
     pub fn all_to_all(nodes: &[Node], weight: f64) -> DMatrix<f64> {
         let n = nodes.len();
         DMatrix::from_fn(n, n, |i, j| {
@@ -146,11 +146,11 @@ impl PhaseNetwork {
         })
     }
 
-    /// Creates a network whose phases follow from lags between pairs of nodes. Each pair is coupled in both
+    /// Creates a network whose pattern follows from lags between pairs of nodes. Each pair is coupled in both
     /// directions with `weight`. The phases in `nodes` are ignored.
     ///
     /// # Errors
-    /// The lags contradict each other, or a number is out of range.
+    /// [`CpgError`] if the lags contradict each other, or a number is out of range.
     pub fn from_lags(
         nodes: &[Node],
         lags: &[Lag],
@@ -168,51 +168,52 @@ impl PhaseNetwork {
         Self::new(&nodes, weights, settings)
     }
 
-    /// Number of nodes.
+    /// Returns the number of nodes.
     pub fn nodes(&self) -> usize {
         self.commands.amplitude.len()
     }
 
-    /// Commands a frequency, Hz; a negative one runs the pattern backwards.
+    /// Sets the target frequency, Hz. A negative frequency runs the pattern backwards.
     ///
     /// # Errors
-    /// The number is not finite.
+    /// [`CpgError`] if the number is not finite.
     pub fn set_frequency(&mut self, frequency: f64) -> Result<(), CpgError> {
         finite("frequency", &[frequency])?;
         self.commands.frequency.target = frequency;
         Ok(())
     }
 
-    /// Commands amplitude and offset of a node.
+    /// Sets the target amplitude and offset of a node.
     ///
     /// # Errors
-    /// The node does not exist, or a number is not finite.
+    /// [`CpgError`] if the node does not exist, or a number is not finite.
     pub fn set_amplitude_offset(&mut self, node: usize, amplitude: f64, offset: f64) -> Result<(), CpgError> {
         self.commands.set_amplitude_offset("the network", node, [amplitude, offset])
     }
 
-    /// Commands the phase of every node in the pattern, rad. Each phase turns the shorter way round.
+    /// Sets the target phase of every node in the pattern, rad. Each phase takes the shorter direction around
+    /// the circle.
     ///
     /// # Errors
-    /// The length is wrong, or a number is not finite.
+    /// [`CpgError`] if the length is wrong, or a number is not finite.
     pub fn set_pattern(&mut self, phases: &[f64]) -> Result<(), CpgError> {
         check_phases("the pattern", phases, self.nodes())?;
         self.commands.set_pattern(phases.iter().copied());
         Ok(())
     }
 
-    /// Commands a gait, for a network with one node per leg.
+    /// Sets the target gait, for a network with one node per leg.
     ///
     /// # Errors
-    /// The gait is not defined for this number of legs.
+    /// [`CpgError`] if the gait is not defined for this number of legs.
     pub fn set_gait(&mut self, gait: Gait) -> Result<(), CpgError> {
         self.set_pattern(gait.phases(self.nodes())?)
     }
 
-    /// Sets the phases directly, rad. The output is discontinuous.
+    /// Sets the phases immediately, rad. This makes the output discontinuous.
     ///
     /// # Errors
-    /// The length is wrong, or a number is not finite.
+    /// [`CpgError`] if the length is wrong, or a number is not finite.
     pub fn set_phases(&mut self, phases: &[f64]) -> Result<(), CpgError> {
         check_phases("phases", phases, self.nodes())?;
         self.phases.phase.copy_from_slice(phases);
@@ -220,19 +221,19 @@ impl PhaseNetwork {
         Ok(())
     }
 
-    /// Sets amplitudes, offsets, frequency and pattern to their commands immediately. The output is
+    /// Sets amplitudes, offsets, frequency and pattern immediately to their targets. This makes the output
     /// discontinuous.
     pub fn settle(&mut self) {
         self.commands.settle();
         self.observe();
     }
 
-    /// Advances by `dt` seconds. A `dt` of zero or less changes nothing.
+    /// Advances by `dt` seconds. No effect if `dt` is zero or negative.
     pub fn step(&mut self, dt: f64) {
         self.step_entrained(dt, &[]);
     }
 
-    /// Like [`step`](Self::step), with `pull[i]` (rad/s) added to the rate of each phase; see
+    /// Advances like [`step`](Self::step), with `pull[i]` (rad/s) added to the rate of each phase; see
     /// [`Entrainment`](super::Entrainment). An empty slice means no entrainment.
     pub fn step_entrained(&mut self, dt: f64, pull: &[f64]) {
         if dt.is_nan() || dt <= 0.0 {
@@ -267,27 +268,27 @@ impl PhaseNetwork {
         self.write();
     }
 
-    /// The output `y` of every node.
+    /// Returns the output `y` of every node.
     pub fn output(&self) -> &[f64] {
         &self.output
     }
 
-    /// The derivative of the output of every node, per second.
+    /// Returns the derivative of the output of every node, per second.
     pub fn velocity(&self) -> &[f64] {
         &self.velocity
     }
 
-    /// The phase of every node in \[0, 2 pi) after a step, rad.
+    /// Returns the phase of every node after the last step, rad in \[0, 2 pi).
     pub fn phases(&self) -> &[f64] {
         &self.phases.phase
     }
 
-    /// Current phase of every node in the pattern, rad.
+    /// Returns the current pattern phase of every node, rad.
     pub fn pattern(&self) -> &[f64] {
         &self.theta_now
     }
 
-    /// Largest current deviation of a phase difference from the pattern, relative to the first node, rad.
+    /// Returns the largest deviation of a node's phase, relative to the first node, from the pattern, rad.
     pub fn pattern_error(&self) -> f64 {
         self.commands.pattern_error(&self.phases.phase)
     }

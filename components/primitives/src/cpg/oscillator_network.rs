@@ -8,31 +8,32 @@ use super::{CpgError, Entrainment, finite, positive, size};
 use crate::ValueError;
 use crate::dmp::{CriticalSpring, Stride};
 
-/// Oscillation of a joint of a leg: `offset + amplitude value(phase of the leg + phase)`.
+/// Oscillation of one joint of a leg: `offset + amplitude value(phase of the leg + phase)`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JointOscillation {
-    /// The leg, counted from 0.
+    /// Index of the leg, from 0.
     pub leg: usize,
     /// Amplitude, unit of the output.
     pub amplitude: f64,
     /// Centre of the oscillation, unit of the output.
     pub offset: f64,
-    /// Lead over the leg's phase, rad.
+    /// Phase lead over the leg, rad.
     pub phase: f64,
 }
 
-/// Parameters of a rhythm. [`Default`] returns the values documented on each field.
+/// Parameters of an oscillator network. [`Default`] returns the values documented on each field.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OscillatorNetworkSettings {
     /// Stride frequency, Hz. Default 1.
     pub frequency: f64,
-    /// Rate at which a deviation from the gait decays, `k`, 1/s. Default 5.
+    /// Rate `k` at which a deviation from the gait decays, 1/s. Default 5.
     pub coupling: f64,
     /// Fraction of the stride spent in stance, in (0, 1). Used by Hopf oscillators only. Default 0.5.
     pub duty_factor: f64,
     /// Damping of amplitudes, offsets, frequency and duty factor, 1/s. Default 20.
     pub damping: f64,
-    /// Damping of the gait phases, 1/s. Default 8: most of a change is complete after half a second.
+    /// Damping of the gait phases, 1/s. Default 8, with which most of a change is complete after half a
+    /// second.
     pub transition: f64,
 }
 
@@ -45,16 +46,16 @@ impl Default for OscillatorNetworkSettings {
 /// Range of duty factors that can be commanded.
 const DUTY: std::ops::RangeInclusive<f64> = 0.05..=0.95;
 
-/// Legs that move in a gait, with one oscillator per leg (Matsuoka: per joint).
+/// Legs that move in a gait, with one oscillator per leg (Matsuoka: one per joint).
 ///
 /// Each oscillator runs along its cycle at its own speed, and all models are coupled through these speeds.
-/// With `chi_i`, the time since oscillator `i` passed its maximum as a fraction of a turn, and the phases
-/// `theta_i` of the gait,
+/// `chi_i` is the time since oscillator `i` passed its maximum, as a phase that grows by 2 pi per cycle. With
+/// the phases `theta_i` of the gait,
 ///
 /// `omega_i = 2 pi nu + p_i + k / (n - 1) sum_j sin((chi_j - theta_j) - (chi_i - theta_i))`.
 ///
 /// For Kuramoto oscillators this is the original model. For the others, any coupling strength preserves the
-/// shape of each cycle and the timing of the gait: legs half a stride apart stay so even if stance lasts
+/// shape of each cycle and the timing of the gait: legs half a stride apart remain so even if stance lasts
 /// longer than swing. `p_i` is feedback. Commands are followed by critically damped springs, so outputs and
 /// their derivatives stay continuous. Amplitudes start at 0. The coupling is evaluated at the beginning of
 /// each step.
@@ -78,11 +79,11 @@ pub struct OscillatorNetwork {
 }
 
 impl OscillatorNetwork {
-    /// Creates a network of this model with these joints and the phase of every leg in the gait, rad. It
-    /// starts in the gait.
+    /// Creates a network of this oscillator model, with these joints and the phase of every leg in the gait,
+    /// rad. The oscillators start in the gait.
     ///
     /// # Errors
-    /// A leg does not exist, a number is out of range, or the neurons do not oscillate.
+    /// [`CpgError`] if a leg does not exist, a number is out of range, or the neurons do not oscillate.
     pub fn new(
         model: Oscillator,
         oscillations: &[JointOscillation],
@@ -151,15 +152,15 @@ impl OscillatorNetwork {
         Ok(rhythm)
     }
 
-    /// Number of joints.
+    /// Returns the number of joints.
     pub fn joints(&self) -> usize {
         self.joints.len()
     }
 
-    /// Commands a frequency, Hz, of at least 0.
+    /// Sets the target frequency, Hz, at least 0.
     ///
     /// # Errors
-    /// The frequency is negative or not finite.
+    /// [`CpgError`] if the frequency is negative or not finite.
     pub fn set_frequency(&mut self, frequency: f64) -> Result<(), CpgError> {
         if !(frequency >= 0.0 && frequency.is_finite()) {
             let (name, expected) = ("frequency", "a finite number of at least 0");
@@ -169,20 +170,20 @@ impl OscillatorNetwork {
         Ok(())
     }
 
-    /// Commands the fraction of the stride spent in stance, 0.05 to 0.95. Used by Hopf oscillators only.
+    /// Sets the target fraction of the stride spent in stance, 0.05 to 0.95. Used by Hopf oscillators only.
     ///
     /// # Errors
-    /// The value is out of range.
+    /// [`CpgError`] if the value is out of range.
     pub fn set_duty_factor(&mut self, duty_factor: f64) -> Result<(), CpgError> {
         check_duty(duty_factor)?;
         self.duty_factor.target = duty_factor;
         Ok(())
     }
 
-    /// Commands amplitude and offset of a joint.
+    /// Sets the target amplitude and offset of a joint.
     ///
     /// # Errors
-    /// The joint does not exist, or a number is not finite.
+    /// [`CpgError`] if the joint does not exist, or a number is not finite.
     pub fn set_amplitude_offset(
         &mut self,
         joint: usize,
@@ -192,10 +193,11 @@ impl OscillatorNetwork {
         self.commands.set_amplitude_offset("the network", joint, [amplitude, offset])
     }
 
-    /// Commands the phase of every leg in the gait, rad. Each phase turns the shorter way round.
+    /// Sets the target phase of every leg in the gait, rad. Each phase takes the shorter direction around the
+    /// circle.
     ///
     /// # Errors
-    /// The length is wrong, or a number is not finite.
+    /// [`CpgError`] if the length is wrong, or a number is not finite.
     pub fn set_gait(&mut self, gait: &[f64]) -> Result<(), CpgError> {
         let legs = self.places.iter().map(|(leg, _)| leg + 1).max().unwrap_or(0);
         if gait.len() < legs {
@@ -206,11 +208,11 @@ impl OscillatorNetwork {
         Ok(())
     }
 
-    /// Puts every oscillator on its cycle at the given phases, rad: one per leg (Matsuoka: per joint). The
-    /// output is discontinuous.
+    /// Moves every oscillator to a given phase of its cycle immediately, rad: one phase per leg (Matsuoka:
+    /// one per joint). This makes the output discontinuous.
     ///
     /// # Errors
-    /// The length is wrong, or a number is not finite.
+    /// [`CpgError`] if the length is wrong, or a number is not finite.
     pub fn set_phases(&mut self, phases: &[f64]) -> Result<(), CpgError> {
         check_phases("phases", phases, self.places.len())?;
         for (unit, phase) in phases.iter().enumerate() {
@@ -220,14 +222,14 @@ impl OscillatorNetwork {
         Ok(())
     }
 
-    /// Advances by `dt` seconds. A `dt` of zero or less changes nothing.
+    /// Advances by `dt` seconds. No effect if `dt` is zero or negative.
     pub fn step(&mut self, dt: f64) {
         self.step_entrained(dt, &[]);
     }
 
-    /// Like [`step`](Self::step), with `pull[i]` (rad/s) for each joint. Each oscillator's angular velocity
-    /// is increased by the mean over its joints. An empty slice means no entrainment; see
-    /// [`pull`](Self::pull).
+    /// Advances like [`step`](Self::step), with `pull[i]` (rad/s) for each joint; see [`pull`](Self::pull).
+    /// The mean over an oscillator's joints is added to its angular velocity. An empty slice means no
+    /// entrainment.
     pub fn step_entrained(&mut self, dt: f64, pull: &[f64]) {
         if dt.is_nan() || dt <= 0.0 {
             return;
@@ -267,9 +269,9 @@ impl OscillatorNetwork {
         self.write();
     }
 
-    /// Returns the entrainment of a joint by its measured `position` and `velocity` (per second): `gain
-    /// sin(difference)` of the measured and the commanded phase, both treated as harmonic. Zero at frequency
-    /// zero.
+    /// Returns the entrainment of a joint, rad/s, from its measured `position` and `velocity` (per second).
+    /// The result is `gain sin(difference)` of the measured and the commanded phase, both treated as
+    /// harmonic. It is zero if the frequency is zero.
     pub fn pull(&self, joint: usize, position: f64, velocity: f64, gain: f64) -> f64 {
         let omega = TAU * self.commands.frequency.state.0;
         if omega <= 0.0 || joint >= self.joints() {
@@ -281,22 +283,23 @@ impl OscillatorNetwork {
         Entrainment { gain, lead: 0.0 }.pull(phase(position, velocity), commanded)
     }
 
-    /// The output of every joint.
+    /// Returns the output of every joint.
     pub fn output(&self) -> &[f64] {
         &self.output
     }
 
-    /// The derivative of the output of every joint, per second.
+    /// Returns the derivative of the output of every joint, per second.
     pub fn velocity(&self) -> &[f64] {
         &self.velocity
     }
 
-    /// Phase of every oscillator in \[0, 2 pi), proportional to time, rad.
+    /// Returns the phase of every oscillator, proportional to time, rad in \[0, 2 pi).
     pub fn phases(&self) -> &[f64] {
         &self.phases
     }
 
-    /// Largest current deviation of a phase difference from the gait, relative to the first oscillator, rad.
+    /// Returns the largest deviation of an oscillator's phase, relative to the first oscillator, from the
+    /// gait, rad.
     pub fn gait_error(&self) -> f64 {
         self.commands.pattern_error(&self.phases)
     }

@@ -10,17 +10,17 @@ use super::{CpgError, HopfNetwork, HopfSettings, MatsuokaOscillator, MatsuokaSet
 /// An oscillator model with its parameters.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Oscillator {
-    /// A phase; the output is its cosine.
+    /// A phase oscillator whose output is the cosine of the phase.
     Kuramoto,
-    /// A point on a circle; the output is `x`. The half turn with `y > 0` is stance and lasts the fraction
-    /// `duty_factor` of the stride. The speeds and amplitude in the settings are ignored.
+    /// A point that moves on a circle; the output is `x`. The half of the cycle with `y > 0` is stance and
+    /// lasts the fraction `duty_factor` of the stride. The speeds and amplitude in the settings are ignored.
     Hopf(HopfSettings),
-    /// A pair of neurons per joint; the output is the difference of their fatigues, `v_0 - v_1`, which has no
+    /// A pair of neurons per joint. The output is the difference of their fatigues, `v_0 - v_1`, which has no
     /// corners. Only the ratio of the time constants matters; the tonic input has no effect.
     Matsuoka {
-        /// Settings of a neuron.
+        /// Settings of each neuron.
         settings: MatsuokaSettings,
-        /// Inhibition between the neurons of a pair, `w`.
+        /// Inhibition weight `w` between the neurons of a pair.
         inhibition: f64,
     },
 }

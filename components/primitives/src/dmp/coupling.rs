@@ -1,16 +1,16 @@
 //! Coupling: feedback from the robot into a running primitive.
 
-/// Coupling terms of one step. [`Default`] is no coupling.
+/// Coupling terms of one step. [`Default`] means no coupling.
 ///
-/// The primitive then obeys `T^2 y'' = ... + T^2 C` and `T p' = phase_rate`. `C` pushes it off its path; a
-/// phase rate below 1 slows its clock. The effect of `C` decays with the spring once it ends, and the clock
-/// resumes where it stopped.
+/// The primitive then obeys `T^2 y'' = ... + T^2 C` and `T p' = phase_rate`. `C` pushes the motion off its
+/// path; a phase rate below 1 slows its clock. The effect of `C` decays with the spring once `C` returns to
+/// zero, and the clock resumes where it stopped.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Coupling<'a> {
-    /// `C`, an acceleration in every dimension, unit of y per second squared; empty for no acceleration.
-    /// Comes from an [`ObstacleAvoidance`](super::ObstacleAvoidance), a [`Yielding`] or any other source.
+    /// Acceleration `C` in every dimension, unit of y per second squared; empty for none. Sources include
+    /// [`ObstacleAvoidance`](super::ObstacleAvoidance) and [`Yielding`].
     pub acceleration: &'a [f64],
-    /// Rate of the phase, clamped to \[0, 1\]. From a [`PhaseStop`].
+    /// Rate of the phase, clamped to \[0, 1\], such as from a [`PhaseStop`].
     pub phase_rate: f64,
 }
 
@@ -20,28 +20,28 @@ impl Default for Coupling<'_> {
     }
 }
 
-/// Slow-down of the phase while the robot cannot follow.
+/// A law that slows the phase while the robot cannot follow.
 ///
-/// The rate is meant for [`Coupling::phase_rate`]. As published, only the phase waits (and a quintic goal,
-/// which moves with it). Multiplying `dt` by the rate instead stretches the whole movement, including the
-/// spring.
+/// The rate is meant for [`Coupling::phase_rate`]. As published, only the phase waits, together with a
+/// quintic goal, which follows the phase. Multiplying `dt` by the rate instead stretches the whole movement,
+/// including the spring.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum PhaseStop {
     /// `rate = 1 / (1 + gain |y_real - y|^2)`: Ijspeert et al. 2013, equation 2.27 written for the phase.
     Quadratic {
-        /// `a_e`, per unit of y squared, at least 0.
+        /// Gain `a_e`, per unit of y squared, at least 0.
         gain: f64,
     },
-    /// `rate = 1 / (1 + gain |y_real - y|)`: reacts to small errors as well.
+    /// `rate = 1 / (1 + gain |y_real - y|)`, which also reacts to small errors.
     Linear {
-        /// Per unit of y, at least 0.
+        /// Gain, per unit of y, at least 0.
         gain: f64,
     },
 }
 
 impl PhaseStop {
-    /// Returns the rate, in (0, 1], for the distance between robot and primitive. A NaN error stops the
-    /// phase.
+    /// Returns the phase rate, in (0, 1], for a distance between robot and primitive. A NaN error stops the
+    /// phase (rate 0).
     pub fn rate(self, error: f64) -> f64 {
         let brake = match self {
             Self::Quadratic { gain } => gain * error * error,
@@ -50,25 +50,25 @@ impl PhaseStop {
         if brake.is_nan() { 0.0 } else { (1.0 + brake.max(0.0)).recip() }
     }
 
-    /// Returns the rate for a measured position, using the Euclidean distance over all dimensions.
+    /// Returns the phase rate for a measured position, using the Euclidean distance over all dimensions.
     pub fn rate_of(self, measured: &[f64], position: &[f64]) -> f64 {
         let squared: f64 = measured.iter().zip(position).map(|(a, b)| (a - b) * (a - b)).sum();
         self.rate(squared.sqrt())
     }
 }
 
-/// Yields to a measured force like a mass: `C = F / m`.
+/// A compliance that yields to a measured force like a mass: `C = F / m`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Yielding {
-    /// `m`, in the unit of the force per acceleration (kg for N and m), above 0.
+    /// Mass `m`, in the unit of force per unit of acceleration (kg for N and m), above 0.
     pub inertia: f64,
-    /// Forces up to this magnitude per dimension, such as sensor noise, are ignored. Only the excess acts, so
-    /// the response is continuous.
+    /// Force magnitude per dimension up to which a force is ignored, such as sensor noise. Only the excess
+    /// acts, so the response is continuous.
     pub deadband: f64,
 }
 
 impl Yielding {
-    /// Adds the acceleration that a force causes to `acceleration`, dimension by dimension.
+    /// Adds to `acceleration` the acceleration that `force` causes in each dimension.
     pub fn add(&self, force: &[f64], acceleration: &mut [f64]) {
         for (acceleration, force) in acceleration.iter_mut().zip(force) {
             let felt = (force.abs() - self.deadband).max(0.0).copysign(*force);

@@ -14,13 +14,13 @@ pub struct Demonstration {
 /// Error of an invalid demonstration.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum DemonstrationError {
-    /// Too few samples to differentiate twice.
-    #[error("{found} samples, expected at least 4, because they are differentiated twice")]
+    /// There are too few samples to differentiate twice.
+    #[error("found {found} samples, expected at least 4, because they are differentiated twice")]
     TooShort {
         /// Number of samples found.
         found: usize,
     },
-    /// The samples have no dimension.
+    /// The samples have no dimensions.
     #[error("the samples have no dimension, expected at least one")]
     NoDimension,
     /// The duration is not a positive time.
@@ -29,22 +29,26 @@ pub enum DemonstrationError {
         /// Value found, s.
         found: f64,
     },
-    /// Matrices differ in shape.
-    #[error("{name} have the shape {found:?} (samples, dimensions), the positions {expected:?}")]
+    /// The matrices differ in shape.
+    #[error(
+        "{name} have the shape {found:?} (samples, dimensions), expected {expected:?} as for the positions"
+    )]
     Shape {
         /// Name of the derivative.
         name: &'static str,
-        /// Its shape.
+        /// Shape of the derivative.
         found: (usize, usize),
-        /// The shape of the positions.
+        /// Shape of the positions.
         expected: (usize, usize),
     },
     /// A sample is not finite.
-    #[error("sample {sample}, dimension {dimension} is {value}: cut the recording or fill the gap")]
+    #[error(
+        "sample {sample}, dimension {dimension} is {value}, expected a finite number: cut the recording or fill the gap"
+    )]
     NotFinite {
-        /// Row.
+        /// Index of the sample.
         sample: usize,
-        /// Column.
+        /// Index of the dimension.
         dimension: usize,
         /// Value found.
         value: f64,
@@ -52,15 +56,16 @@ pub enum DemonstrationError {
 }
 
 impl Demonstration {
-    /// Creates a demonstration from positions (samples x dimensions), evenly spaced over `duration` seconds,
-    /// the first at 0, the last at the end.
+    /// Creates a demonstration from positions (samples x dimensions) that are evenly spaced over `duration`
+    /// seconds. The first sample is at time 0, the last at the end.
     ///
     /// Velocity and acceleration are second-order differences, central inside and one-sided at the ends,
     /// which preserves the initial velocity of the demonstration. Differences amplify noise: filter a
     /// measured recording first.
     ///
     /// # Errors
-    /// Fewer than 4 samples, no dimension, a duration that is not positive, or a sample that is not finite.
+    /// [`DemonstrationError`] if there are fewer than 4 samples or no dimensions, the duration is not
+    /// positive, or a sample is not finite.
     pub fn from_positions(duration: f64, positions: DMatrix<f64>) -> Result<Self, DemonstrationError> {
         check(duration, &positions)?;
         let (samples, dimensions) = positions.shape();
@@ -89,7 +94,7 @@ impl Demonstration {
     /// squared), each samples x dimensions.
     ///
     /// # Errors
-    /// Same as [`Self::from_positions`], and matrices of different shapes.
+    /// Same as [`Self::from_positions`]. Also if the matrices differ in shape.
     pub fn with_derivatives(
         duration: f64,
         positions: DMatrix<f64>,
@@ -128,42 +133,42 @@ impl Demonstration {
         demonstration
     }
 
-    /// Time from the first sample to the last, s.
+    /// Returns the time from the first sample to the last, s.
     pub fn duration(&self) -> f64 {
         self.duration
     }
 
-    /// Number of samples.
+    /// Returns the number of samples.
     pub fn samples(&self) -> usize {
         self.positions.nrows()
     }
 
-    /// Number of dimensions.
+    /// Returns the number of dimensions.
     pub fn dimensions(&self) -> usize {
         self.positions.ncols()
     }
 
-    /// Positions, samples x dimensions.
+    /// Returns the positions, samples x dimensions.
     pub fn positions(&self) -> &DMatrix<f64> {
         &self.positions
     }
 
-    /// Velocities per second, samples x dimensions.
+    /// Returns the velocities per second, samples x dimensions.
     pub fn velocities(&self) -> &DMatrix<f64> {
         &self.velocities
     }
 
-    /// Accelerations per second squared, samples x dimensions.
+    /// Returns the accelerations per second squared, samples x dimensions.
     pub fn accelerations(&self) -> &DMatrix<f64> {
         &self.accelerations
     }
 
-    /// Start of a dimension.
+    /// Returns the first position of a dimension.
     pub fn start(&self, dimension: usize) -> f64 {
         self.positions[(0, dimension)]
     }
 
-    /// End of a dimension.
+    /// Returns the last position of a dimension.
     pub fn goal(&self, dimension: usize) -> f64 {
         self.positions[(self.samples() - 1, dimension)]
     }

@@ -13,19 +13,20 @@ use super::settings::{ModelError, Scaling, Settings, Variant};
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Regression {
     /// Least squares on the forcing term with the penalty `lambda |w|^2`, over all kernels together. The
-    /// default, with `lambda = 1e-12`. For equal numbers of kernels it fits far more closely than locally
+    /// default, with `lambda = 1e-12`. For the same number of kernels it fits far more closely than locally
     /// weighted regression.
     Ridge {
-        /// The penalty, at least 0.
+        /// Penalty, at least 0.
         lambda: f64,
     },
-    /// Fits each kernel separately: `w_i = sum psi_i g f / sum psi_i g^2`, `g` the gate (Ijspeert et al.
+    /// Separate fit of each kernel: `w_i = sum psi_i g f / sum psi_i g^2`, with the gate `g` (Ijspeert et al.
     /// 2013).
     LocallyWeighted,
     /// Least squares on the *position* through the response of the spring to every kernel, with the penalty
-    /// `lambda |w|^2`. Uses no derivatives inside the movement and therefore suits noisy recordings.
+    /// `lambda |w|^2`. This method uses no derivatives inside the movement and therefore suits noisy
+    /// recordings.
     Response {
-        /// The penalty, at least 0.
+        /// Penalty, at least 0.
         lambda: f64,
     },
 }
@@ -36,7 +37,7 @@ impl Default for Regression {
     }
 }
 
-/// An error of fitting a primitive.
+/// Error of fitting a primitive.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum FitError {
     /// No demonstration was given.
@@ -45,17 +46,17 @@ pub enum FitError {
     /// Demonstrations differ in their number of dimensions.
     #[error("demonstration {index} has {found} dimensions, expected {expected} as in the first")]
     Dimensions {
-        /// Index, counted from 0.
+        /// Index of the demonstration, from 0.
         index: usize,
-        /// Its dimensions.
+        /// Number of dimensions found.
         found: usize,
-        /// Dimensions of the first demonstration.
+        /// Number of dimensions of the first demonstration.
         expected: usize,
     },
     /// The penalty is negative or not finite.
     #[error("lambda = {found}: expected a finite number of at least 0")]
     Lambda {
-        /// Value found.
+        /// Penalty found.
         found: f64,
     },
     /// The samples do not determine the weights of all kernels.
@@ -63,9 +64,9 @@ pub enum FitError {
         "{samples} samples cannot determine {kernels} kernels: use fewer kernels, more samples or lambda > 0"
     )]
     Undetermined {
-        /// Samples over all demonstrations.
+        /// Number of samples over all demonstrations.
         samples: usize,
-        /// Kernels of each dimension.
+        /// Number of kernels of each dimension.
         kernels: usize,
     },
     /// The settings are invalid.
@@ -80,8 +81,8 @@ impl DmpModel {
     /// is the mean over the demonstrations.
     ///
     /// # Errors
-    /// No demonstration, different dimensions, a negative penalty, an undetermined regression, or settings
-    /// out of range.
+    /// [`FitError`] if there is no demonstration, their dimensions differ, the penalty is negative, the
+    /// samples do not determine the weights, or a setting is out of range.
     pub fn fit(
         settings: Settings,
         demonstrations: &[Demonstration],

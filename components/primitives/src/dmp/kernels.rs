@@ -7,17 +7,17 @@ use super::exponential::exp_of_negative;
 /// Decay of the forcing term towards the end of the movement.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Gate {
-    /// `gate = s`: never exactly zero, a fraction `exp(-decay)` of the initial value remains at the nominal
-    /// end (Ijspeert 2013).
+    /// `gate = s`. It is never exactly zero: a fraction `exp(-decay)` of the initial value remains at the
+    /// nominal end (Ijspeert 2013).
     Phase,
-    /// `gate = (s - s(1)) / (1 - s(1))` until the nominal end, zero from there on.
+    /// `gate = (s - s(1)) / (1 - s(1))` until the nominal end, and zero afterwards.
     Finite,
 }
 
 /// Gaussian kernels over the phase `s(p) = exp(-decay p)`.
 ///
-/// `p` is the progress of the movement: elapsed time over duration, 0 at the start and 1 at the nominal end.
-/// The phase is computed from `p` in closed form, so it does not depend on the step width.
+/// `p` is the progress of the movement: elapsed time divided by duration, 0 at the start and 1 at the nominal
+/// end. The phase is computed from `p` in closed form, so it does not depend on the step width.
 ///
 /// Kernel `i` of `n` is `psi_i(s) = exp(-h_i (s - c_i)^2)`. It is centred at the phase of the evenly spaced
 /// progress `i / (n - 1)`, and its value at the centre of its successor is `overlap`:
@@ -80,17 +80,17 @@ impl Kernels {
         (1..count).find(|distance| negligible(*distance)).unwrap_or(count)
     }
 
-    /// Number of kernels.
+    /// Returns the number of kernels.
     pub fn count(&self) -> usize {
         self.centres.len()
     }
 
-    /// The phase `s` at a progress: 1 at the start, `exp(-decay)` at the nominal end.
+    /// Returns the phase `s` at this progress: 1 at the start, `exp(-decay)` at the nominal end.
     pub fn phase(&self, progress: f64) -> f64 {
         (-self.decay * progress).exp()
     }
 
-    /// The factor that fades the forcing term at a progress.
+    /// Returns the factor that fades the forcing term at this progress.
     pub fn gate(&self, progress: f64) -> f64 {
         self.gate_at(progress, self.phase(progress))
     }
@@ -103,17 +103,17 @@ impl Kernels {
         }
     }
 
-    /// Value of one kernel at a phase, neither gated nor normalised.
+    /// Returns the value of one kernel at this phase, neither gated nor normalised.
     pub fn kernel(&self, index: usize, phase: f64) -> f64 {
         let distance = phase - self.centres[index];
         (-self.widths[index] * distance * distance).exp()
     }
 
-    /// Writes the gated, normalised activation of every kernel at a progress into `features`, one entry per
-    /// kernel.
+    /// Writes the gated, normalised activation of every kernel at this progress into `features`, one entry
+    /// per kernel.
     ///
-    /// Exponents are relative to the largest one. The sum is therefore at least 1, and the quotient stays
-    /// defined for phases far past the last centre.
+    /// Exponents are relative to the largest exponent. The sum is therefore at least 1, and the quotient is
+    /// defined even for phases far past the last centre.
     pub fn features_into(&self, progress: f64, features: &mut [f64]) {
         let active = self.activate(progress, features);
         features[..active.kernels.start].fill(0.0);

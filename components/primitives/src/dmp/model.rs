@@ -9,11 +9,11 @@ use super::settings::{ModelError, Settings, Variant};
 use super::spring::CriticalSpring;
 use crate::ValueError;
 
-/// A discrete primitive without its run-time state; constant during a movement.
+/// A discrete primitive without its run-time state. It does not change during a movement.
 ///
 /// Weights are in the unit of the movement: the forcing term is an acceleration in normalised time (unit of y
-/// per duration squared), for [`Variant::GoalSafe`] a displacement (unit of y). They do not depend on the
-/// duration. Serialises as [`StoredModel`].
+/// per duration squared), or a displacement (unit of y) for [`Variant::GoalSafe`]. The weights do not depend
+/// on the duration. Serialises as [`StoredModel`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "StoredModel", into = "StoredModel")]
 pub struct DmpModel {
@@ -24,11 +24,11 @@ pub struct DmpModel {
 }
 
 impl DmpModel {
-    /// Creates a primitive of `dimensions >= 1` without a forcing term: a smooth reach. Its displacement is 1
-    /// in each dimension.
+    /// Creates a primitive without a forcing term: a smooth reach. `dimensions` must be at least 1. The
+    /// displacement is 1 in each dimension.
     ///
     /// # Errors
-    /// A setting is out of range, or there is no dimension.
+    /// [`ModelError`] if a setting is out of range, or there is no dimension.
     pub fn new(dimensions: usize, settings: Settings) -> Result<Self, ModelError> {
         let kernels = settings.kernels;
         Self::with_weights(
@@ -42,7 +42,7 @@ impl DmpModel {
     /// were learned.
     ///
     /// # Errors
-    /// A setting is out of range, sizes do not match, or a number is not finite.
+    /// [`ModelError`] if a setting is out of range, sizes do not match, or a number is not finite.
     pub fn with_weights(
         settings: Settings,
         weights: DMatrix<f64>,
@@ -76,27 +76,27 @@ impl DmpModel {
         Ok(Self { settings, kernels, weights, displacement })
     }
 
-    /// Number of dimensions.
+    /// Returns the number of dimensions.
     pub fn dimensions(&self) -> usize {
         self.weights.ncols()
     }
 
-    /// The settings.
+    /// Returns the settings.
     pub fn settings(&self) -> &Settings {
         &self.settings
     }
 
-    /// Kernels over the phase.
+    /// Returns the kernels over the phase.
     pub fn kernels(&self) -> &Kernels {
         &self.kernels
     }
 
-    /// The weights, kernels x dimensions.
+    /// Returns the weights, kernels x dimensions.
     pub fn weights(&self) -> &DMatrix<f64> {
         &self.weights
     }
 
-    /// Mutable weights, for learners. Their number is fixed.
+    /// Returns the weights (kernels x dimensions) for writing, for learners. Their number is fixed.
     pub fn weights_mut(&mut self) -> nalgebra::DMatrixViewMut<'_, f64> {
         self.weights.as_view_mut()
     }
@@ -107,12 +107,12 @@ impl DmpModel {
         self.displacement.copy_from(&other.displacement);
     }
 
-    /// Displacement `g - y0` for which the weights were learned.
+    /// Returns the displacement `g - y0` for which the weights were learned.
     pub fn displacement(&self) -> &DVector<f64> {
         &self.displacement
     }
 
-    /// The transformation system.
+    /// Returns the transformation system: the spring that pulls the motion to the goal.
     pub fn spring(&self) -> CriticalSpring {
         CriticalSpring::new(self.settings.damping)
     }
@@ -126,15 +126,15 @@ impl DmpModel {
     }
 }
 
-/// File representation of a [`DmpModel`].
+/// File format of a [`DmpModel`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct StoredModel {
-    /// The settings.
+    /// Settings of the primitive.
     pub settings: Settings,
     /// Displacement `g - y0` of the demonstration, one entry per dimension.
     pub displacement: Vec<f64>,
-    /// For each dimension, the weight of each kernel.
+    /// Weight of each kernel, for each dimension.
     pub weights: Vec<Vec<f64>>,
 }
 

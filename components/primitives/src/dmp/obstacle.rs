@@ -2,14 +2,14 @@
 
 use nalgebra::Vector3;
 
-/// Point obstacles that a movement through space avoids (Hoffmann, Park, Pastor, Schaal,
+/// A coupling by which a movement through space avoids point obstacles (Hoffmann, Park, Pastor, Schaal,
 /// *Biologically-inspired dynamical systems for movement generation*, ICRA 2009, equations 6 to 8).
 ///
 /// `C = gamma R v phi exp(-beta phi)`, where `phi`, in \[0, pi\], is the angle between the velocity `v` and
-/// the direction `o - y` to the obstacle. `R` is the rotation by 90 degrees about `(o - y) x v`, which turns
-/// `v` away from the obstacle. `C` is normal to `v`, so it changes the direction but not the speed. As
-/// published, it does not depend on the distance. A finite `reach` multiplies it by
-/// `exp(-(|o - y| / reach)^2)`, so that distant obstacles have no effect.
+/// the direction `o - y` to the obstacle. `R` is the rotation by 90 degrees about `(o - y) x v`, which
+/// rotates `v` away from the obstacle. `C` is normal to `v`, so it changes the direction but not the speed.
+/// As published, `C` does not depend on the distance. A finite `reach` multiplies it by `exp(-(|o - y| /
+/// reach)^2)`, so that distant obstacles have no effect.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ObstacleAvoidance {
     /// Strength, 1/s per rad. Published value 1000.
@@ -27,11 +27,11 @@ impl Default for ObstacleAvoidance {
 }
 
 impl ObstacleAvoidance {
-    /// The acceleration (m/s^2) away from one obstacle at `obstacle` (m) for an end effector at `position`
-    /// (m) with `velocity` (m/s).
+    /// Returns the acceleration (m/s^2) away from one obstacle at `obstacle` (m), for an end effector at
+    /// `position` (m) with `velocity` (m/s).
     ///
-    /// Zero at rest. Also zero if the velocity points exactly at the obstacle, because no side is preferred;
-    /// the next deviation, however small, decides.
+    /// The acceleration is zero at rest. It is also zero if the velocity points exactly at the obstacle,
+    /// because no side is preferred; the next deviation, however small, decides.
     pub fn acceleration(
         &self,
         position: Vector3<f64>,
@@ -50,7 +50,7 @@ impl ObstacleAvoidance {
         self.gamma * phi * (-self.beta * phi).exp() * near * turned
     }
 
-    /// The sum over several obstacles.
+    /// Returns the sum of the accelerations (m/s^2) away from several obstacles.
     pub fn acceleration_from(
         &self,
         position: Vector3<f64>,

@@ -10,14 +10,15 @@ use super::quintic::Jet;
 use super::settings::ModelError;
 use crate::ValueError;
 
-/// A primitive for orientations, after Ude et al. 2014 in the corrected form of Koutras and Doulgeri 2019.
+/// An orientation primitive, after Ude et al. 2014 in the corrected form of Koutras and Doulgeri 2019.
 ///
 /// The state is the error `e = 2 log(g * conj(q))` (rad, three entries), not the angular velocity. The system
 /// in `e` is linear, so scaling of time and goal does not distort the path. It is a [`DiscreteDmp`] of three
 /// dimensions from `e(0) = 2 log(g * conj(q0))` to `0`. The orientation is `q = exp(-e / 2) * g`; angular
 /// velocity and acceleration follow exactly from `e'` and `e''`.
 ///
-/// The shorter rotation is chosen. The quaternion has unit length and keeps its sign during a movement.
+/// The movement follows the shorter of the two rotations. The quaternion has unit length and keeps its sign
+/// during a movement.
 #[derive(Clone, Debug)]
 pub struct OrientationDmp {
     dmp: DiscreteDmp,
@@ -29,10 +30,10 @@ pub struct OrientationDmp {
 }
 
 impl OrientationDmp {
-    /// Creates a primitive from a model of three dimensions, at rest at the identity until it is started.
+    /// Creates a primitive from a model of three dimensions. It rests at the identity until started.
     ///
     /// # Errors
-    /// The model does not have three dimensions.
+    /// [`ModelError`] if the model does not have three dimensions.
     pub fn new(model: DmpModel) -> Result<Self, ModelError> {
         if model.dimensions() != 3 {
             let found = model.dimensions();
@@ -52,10 +53,10 @@ impl OrientationDmp {
         })
     }
 
-    /// Starts from rest at `start` towards `goal`, to arrive after `duration` seconds.
+    /// Starts a rotation from rest at `start` to `goal`, to arrive after `duration` seconds.
     ///
     /// # Errors
-    /// The duration is not positive, or a quaternion is not finite.
+    /// [`MoveError`] if the duration is not positive, or a quaternion is not finite.
     pub fn start(
         &mut self,
         start: UnitQuaternion<f64>,
@@ -85,10 +86,11 @@ impl OrientationDmp {
         self.observe();
     }
 
-    /// Starts in motion, with angular velocity (rad/s) and angular acceleration (rad/s^2) in world axes.
+    /// Starts a rotation with an initial angular velocity (rad/s) and angular acceleration (rad/s^2) in world
+    /// axes.
     ///
     /// # Errors
-    /// The duration is not positive, or a number is not finite.
+    /// [`MoveError`] if the duration is not positive, or a number is not finite.
     pub fn start_moving(
         &mut self,
         start: UnitQuaternion<f64>,
@@ -111,7 +113,7 @@ impl OrientationDmp {
     /// acceleration stay continuous.
     ///
     /// # Errors
-    /// The quaternion is not finite.
+    /// [`MoveError`] if the quaternion is not finite.
     pub fn set_goal(&mut self, goal: UnitQuaternion<f64>) -> Result<(), MoveError> {
         if goal.coords == self.goal.coords || goal.coords == -self.goal.coords {
             return Ok(());
@@ -130,7 +132,7 @@ impl OrientationDmp {
     /// Changes the duration during a movement; see [`DiscreteDmp::set_duration`].
     ///
     /// # Errors
-    /// The duration is not positive.
+    /// [`MoveError`] if the duration is not positive.
     pub fn set_duration(&mut self, duration: f64) -> Result<(), MoveError> {
         self.dmp.set_duration(duration)?;
         self.observe();
@@ -143,27 +145,27 @@ impl OrientationDmp {
         self.observe();
     }
 
-    /// The orientation, a unit quaternion.
+    /// Returns the orientation, a unit quaternion.
     pub fn orientation(&self) -> UnitQuaternion<f64> {
         self.orientation
     }
 
-    /// Angular velocity in world axes, rad/s.
+    /// Returns the angular velocity in world axes, rad/s.
     pub fn angular_velocity(&self) -> Vector3<f64> {
         self.angular_velocity
     }
 
-    /// Angular acceleration in world axes, rad/s^2.
+    /// Returns the angular acceleration in world axes, rad/s^2.
     pub fn angular_acceleration(&self) -> Vector3<f64> {
         self.angular_acceleration
     }
 
-    /// The goal, with the sign for which the path is continuous.
+    /// Returns the goal, with the quaternion sign for which the path is continuous.
     pub fn goal(&self) -> UnitQuaternion<f64> {
         self.goal
     }
 
-    /// The primitive in error coordinates.
+    /// Returns the underlying primitive in error coordinates.
     pub fn coordinates(&self) -> &DiscreteDmp {
         &self.dmp
     }
@@ -182,7 +184,7 @@ impl OrientationDmp {
 }
 
 /// Converts recorded orientations, evenly spaced over `duration` seconds, to a demonstration for
-/// [`DmpModel::fit`]. Its coordinates are errors with respect to the last sample. Sign flips of the
+/// [`DmpModel::fit`]. Its coordinates are errors with respect to the last sample. Sign changes of the
 /// quaternions have no effect. Rotations of more than half a revolution between start and goal are preserved.
 ///
 /// # Errors

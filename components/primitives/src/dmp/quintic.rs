@@ -1,10 +1,11 @@
 //! The minimum-jerk polynomial that moves the goal from the start to the end of a movement.
 
-/// A quintic over progress that starts with a given position, rate and acceleration. It comes to rest at a
-/// goal (Flash and Hogan 1985: the trajectory with the least integrated squared jerk between these ends), or
-/// passes the goal with a given rate and zero acceleration.
+/// A quintic polynomial of progress with a given initial position, rate and acceleration. Either it comes to
+/// rest at a goal (Flash and Hogan 1985: the trajectory with the least integrated squared jerk between these
+/// ends), or it passes the goal with a given rate and zero acceleration.
 ///
-/// After its end it continues from the goal at that rate; with rate zero it stays exactly at the goal.
+/// After its end the trajectory continues from the goal at the final rate. With rate zero it stays exactly at
+/// the goal.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Quintic {
     start: f64,
@@ -15,20 +16,20 @@ pub struct Quintic {
     coefficients: [f64; 6],
 }
 
-/// Value, first and second derivative with respect to progress.
+/// Value with first and second derivative with respect to progress.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Jet {
-    /// The value.
+    /// Value of the function.
     pub value: f64,
-    /// Its first derivative.
+    /// First derivative.
     pub rate: f64,
-    /// Its second derivative.
+    /// Second derivative.
     pub acceleration: f64,
 }
 
 impl Quintic {
     /// Creates a quintic that starts at progress `start` in the state `from` and rests at `goal` from
-    /// progress `start + length`.
+    /// progress `start + length` on.
     pub fn new(start: f64, length: f64, from: Jet, goal: f64) -> Self {
         Self::passing(start, length, from, goal, 0.0)
     }
@@ -55,7 +56,7 @@ impl Quintic {
         Self { start: 0.0, length: 0.0, per_length: 0.0, goal, final_rate: 0.0, coefficients }
     }
 
-    /// The state at a progress.
+    /// Returns the value and derivatives at this progress.
     pub fn sample(&self, progress: f64) -> Jet {
         let elapsed = progress - self.start;
         if elapsed >= self.length {

@@ -7,7 +7,8 @@ use super::discrete::MoveError;
 use super::quintic::{Jet, Quintic};
 use super::settings::{ModelError, Settings, Variant};
 
-/// A forcing term with one value per step, found by inverting the integration step.
+/// A primitive whose forcing term is a table with one value per step, found by inverting the integration
+/// step.
 ///
 /// The step is the semi-implicit Euler step, with `h = 1 / steps` in normalised time: `v_{k+1} = v_k + h
 /// a_k`, `y_{k+1} = y_k + h v_{k+1}`, where `a_k` is the right side of the equation of the [`Variant`] at
@@ -28,35 +29,36 @@ pub struct SampledModel {
     goal: Vec<f64>,
 }
 
-/// An error of tabulating a recording.
+/// Error of tabulating a recording.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SampledError {
     /// The demonstration is invalid.
     #[error(transparent)]
     Demonstration(#[from] DemonstrationError),
-    /// A setting out of range.
+    /// A setting is out of range.
     #[error(transparent)]
     Model(#[from] ModelError),
-    /// The steps are too wide for the spring.
+    /// The steps are too long for the spring to be stable.
     #[error(
         "{steps} steps are too few for a damping of {damping}, the spring would be unstable: use at least {least} samples"
     )]
     TooCoarse {
-        /// Steps found.
+        /// Number of steps found.
         steps: usize,
         /// Damping of the spring.
         damping: f64,
-        /// Smallest sufficient number of samples.
+        /// Minimum number of samples.
         least: usize,
     },
 }
 
 impl SampledModel {
-    /// Inverts a recording of evenly spaced positions, samples x dimensions. Only variant, damping and decay
-    /// of the settings are used, since there are no kernels.
+    /// Creates the table from a recording of evenly spaced positions, samples x dimensions. Only variant,
+    /// damping and decay of the settings are used, since there are no kernels.
     ///
     /// # Errors
-    /// Too few samples, numbers that are not finite, a setting out of range, or steps too wide to be stable.
+    /// [`SampledError`] if there are too few samples, a number is not finite, a setting is out of range, or
+    /// the steps are too long to be stable.
     pub fn new(settings: &Settings, positions: &DMatrix<f64>) -> Result<Self, SampledError> {
         settings.check()?;
         super::demonstration::check(1.0, positions)?;
@@ -98,27 +100,27 @@ impl SampledModel {
         Ok(model)
     }
 
-    /// Number of dimensions.
+    /// Returns the number of dimensions.
     pub fn dimensions(&self) -> usize {
         self.forces.nrows()
     }
 
-    /// Number of steps, one less than the number of samples.
+    /// Returns the number of steps, one less than the number of samples.
     pub fn steps(&self) -> usize {
         self.forces.ncols()
     }
 
-    /// The forces, dimensions x steps, unit of y per duration squared.
+    /// Returns the table of forces, dimensions x steps, unit of y per duration squared.
     pub fn forces(&self) -> &DMatrix<f64> {
         &self.forces
     }
 
-    /// Start of the demonstration, one entry per dimension.
+    /// Returns the start of the demonstration, one entry per dimension.
     pub fn shown_start(&self) -> &[f64] {
         &self.start
     }
 
-    /// End of the demonstration.
+    /// Returns the end of the demonstration, one entry per dimension.
     pub fn shown_goal(&self) -> &[f64] {
         &self.goal
     }
@@ -173,11 +175,11 @@ impl SampledDmp {
         dmp
     }
 
-    /// Starts at `start` towards `goal`, with the first velocity of the demonstration (stretched to the
-    /// duration), to arrive after `duration` seconds.
+    /// Starts a movement from `start` to `goal`, to arrive after `duration` seconds. The initial velocity is
+    /// the demonstration's, stretched to the duration.
     ///
     /// # Errors
-    /// A length is wrong, a number is not finite, or the duration is not positive.
+    /// [`MoveError`] if a length is wrong, a number is not finite, or the duration is not positive.
     pub fn start(&mut self, start: &[f64], goal: &[f64], duration: f64) -> Result<(), MoveError> {
         let expected = self.model.dimensions();
         for (name, values) in [("start", start), ("goal", goal)] {
@@ -197,11 +199,11 @@ impl SampledDmp {
         Ok(())
     }
 
-    /// Changes the goal during a movement. Variants that plan their goal at the start use it from the next
-    /// movement.
+    /// Changes the goal during a movement. Variants that plan their goal at the start use the new goal from
+    /// the next movement on.
     ///
     /// # Errors
-    /// The length is wrong, or a number is not finite.
+    /// [`MoveError`] if the length is wrong, or a number is not finite.
     pub fn set_goal(&mut self, goal: &[f64]) -> Result<(), MoveError> {
         let expected = self.model.dimensions();
         if goal.len() != expected {
@@ -214,7 +216,7 @@ impl SampledDmp {
         Ok(())
     }
 
-    /// Advances by one step of `duration / steps`. Past the end the forces are zero.
+    /// Advances by one step of `duration / steps`. After the end the forces are zero.
     pub fn step(&mut self) {
         let h = 1.0 / self.model.steps() as f64;
         let p = self.taken as f64 * h;
@@ -230,17 +232,17 @@ impl SampledDmp {
         self.taken += 1;
     }
 
-    /// Duration of one step, s.
+    /// Returns the duration of one step, s.
     pub fn dt(&self) -> f64 {
         self.duration / self.model.steps() as f64
     }
 
-    /// Position in every dimension.
+    /// Returns the position in every dimension.
     pub fn position(&self) -> &[f64] {
         &self.position
     }
 
-    /// Velocity in every dimension, per second.
+    /// Returns the velocity in every dimension, per second.
     pub fn velocity(&self) -> &[f64] {
         &self.velocity
     }

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::ValueError;
 
-/// Published form of the primitive. The equations are in the [module documentation](crate::dmp).
+/// Published form of the discrete primitive. The equations are in the [module documentation](crate::dmp).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Variant {
@@ -14,18 +14,18 @@ pub enum Variant {
     Classic,
     /// Pastor et al. 2009, Hoffmann et al. 2009. Starts smoothly and tolerates `g = y0` and a moving goal.
     GoalSafe,
-    /// After Muelling et al. 2013, with zero final velocity. The goal moves on a minimum-jerk polynomial, so
-    /// without forcing the motion is minimum-jerk and arrives exactly on time. The default.
+    /// Muelling et al. 2013 with zero final velocity. The goal moves on a minimum-jerk polynomial, so without
+    /// forcing the motion is minimum-jerk and arrives exactly on time. The default.
     #[default]
     QuinticGoal,
     /// Muelling et al. 2013 as published: like [`Variant::QuinticGoal`], but each movement passes the goal
-    /// with a velocity of its choice, for strokes and catches. A fit uses the velocity at the end of the
+    /// with a selectable velocity, for strokes and catches. A fit uses the velocity at the end of the
     /// demonstration.
     FinalVelocity,
 }
 
 impl Variant {
-    /// Name of the variant in files.
+    /// Returns the name of the variant in files.
     pub fn name(self) -> &'static str {
         match self {
             Self::Classic => "classic",
@@ -35,17 +35,17 @@ impl Variant {
         }
     }
 
-    /// Returns `true` if the goal moves on a polynomial.
+    /// Returns `true` if the goal moves on a polynomial that is planned at the start.
     pub fn plans_goal(self) -> bool {
         matches!(self, Self::QuinticGoal | Self::FinalVelocity)
     }
 
-    /// Returns `true` if the goal can be passed with a velocity.
+    /// Returns `true` if the goal can be passed with a nonzero velocity.
     pub fn may_end_in_motion(self) -> bool {
         self == Self::FinalVelocity
     }
 
-    /// Returns `true` if the pull to the goal grows with the phase.
+    /// Returns `true` if the pull towards the goal starts at zero and increases gradually.
     pub fn eases_in(self) -> bool {
         self == Self::GoalSafe
     }
@@ -53,27 +53,27 @@ impl Variant {
 
 /// Scaling of the forcing term with the displacement `g - y0` of a new movement.
 ///
-/// The scale is fixed at the start of a movement. A goal that moves later moves the attractor but not the
-/// forcing.
+/// The scale is fixed at the start of a movement. A goal that changes later moves the attractor but does not
+/// change the scale.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", tag = "kind", deny_unknown_fields)]
 pub enum Scaling {
     /// The forcing term of the demonstration, unchanged. The default; it involves no division.
     #[default]
     Fixed,
-    /// Scales each dimension by `(g - y0) / (g - y0 of the demonstration)`, at most `limit` in magnitude.
+    /// Scaling of each dimension by `(g - y0) / (g - y0 of the demonstration)`, at most `limit` in magnitude.
     ///
-    /// A dimension in which the demonstration ends at its start keeps its forcing. A model without a
+    /// A dimension in which the demonstration ends at its start keeps its forcing term. A model without a
     /// demonstration has a displacement of 1, which gives the factor `(g - y0)` of Ijspeert 2013.
     Displacement {
-        /// The largest magnitude of the factor, at least 1.
+        /// Maximum magnitude of the factor, at least 1.
         limit: f64,
     },
-    /// Scales the whole forcing vector by the ratio of the lengths of the two displacements (at most `limit`)
-    /// and applies the smallest rotation between their directions (Ginesi et al. 2021). A curve keeps its
+    /// Scaling of the whole forcing vector by the ratio of the lengths of the two displacements (at most
+    /// `limit`), with the smallest rotation between their directions (Ginesi et al. 2021). A curve keeps its
     /// shape in every direction. For dimensions that share one unit, such as a position in space.
     Similarity {
-        /// The largest ratio of lengths, at least 1.
+        /// Maximum ratio of lengths, at least 1.
         limit: f64,
     },
 }
@@ -82,7 +82,7 @@ pub enum Scaling {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Settings {
-    /// The published form. Default [`Variant::QuinticGoal`].
+    /// Published form of the primitive. Default [`Variant::QuinticGoal`].
     pub variant: Variant,
     /// Scaling of the forcing term with a new displacement. Default [`Scaling::Fixed`].
     pub scaling: Scaling,
@@ -94,11 +94,11 @@ pub struct Settings {
     /// Decay `a_s` of the phase over one duration. Default `-ln 0.01 = 4.605`: 1 % of the phase remains at
     /// the end.
     pub decay: f64,
-    /// Value of a kernel at the centre of its successor, in (0, 1). Default 0.8.
+    /// Value of each kernel at the centre of its successor, in (0, 1). Default 0.8.
     pub overlap: f64,
     /// Rate `a_g` of the goal filter `T g' = a_g (g_commanded - g)` of [`Variant::Classic`] and
-    /// [`Variant::GoalSafe`]. Without it, the goal jumps. The variants with a quintic goal always move the
-    /// goal smoothly and reject this setting.
+    /// [`Variant::GoalSafe`]. `None`, the default, applies goal changes in a step. The variants with a
+    /// quintic goal always move the goal smoothly and reject this setting.
     pub goal_rate: Option<f64>,
 }
 
@@ -122,7 +122,7 @@ pub enum ModelError {
     /// A number, vector or matrix is invalid.
     #[error(transparent)]
     Value(#[from] ValueError),
-    /// The variant plans its goal and has no goal filter.
+    /// A goal rate is set, but the variant plans its goal and has no goal filter.
     #[error(
         "goal_rate is set, but a quintic goal already moves smoothly: remove it, or choose another variant"
     )]
@@ -133,7 +133,7 @@ impl Settings {
     /// Checks every number against the range in which the equations hold.
     ///
     /// # Errors
-    /// Returns the first setting that is out of range.
+    /// [`ModelError`] describes the first setting that is out of range.
     pub fn check(&self) -> Result<(), ModelError> {
         let limit = match self.scaling {
             Scaling::Fixed => 1.0,

@@ -11,22 +11,22 @@ pub struct CriticalSpring {
 }
 
 impl CriticalSpring {
-    /// Creates a spring from its damping `D > 0`.
+    /// Creates a spring with the damping `D > 0`.
     pub fn new(damping: f64) -> Self {
         Self { root: 0.5 * damping }
     }
 
-    /// The stiffness `K`.
+    /// Returns the stiffness `K`.
     pub fn stiffness(&self) -> f64 {
         self.root * self.root
     }
 
-    /// The damping `D`.
+    /// Returns the damping `D`.
     pub fn damping(&self) -> f64 {
         2.0 * self.root
     }
 
-    /// The coefficients of one step of width `h` (in progress).
+    /// Returns the coefficients of one step of width `h` (in progress).
     pub fn stride(&self, h: f64) -> Stride {
         Stride {
             root: self.root,
@@ -37,7 +37,7 @@ impl CriticalSpring {
         }
     }
 
-    /// The acceleration `x''` of a state under the input `u`.
+    /// Returns the acceleration `x''` of the state `(x, rate)` under the input `u`.
     pub fn acceleration(&self, x: f64, rate: f64, input: f64) -> f64 {
         self.stiffness() * (input - x) - self.damping() * rate
     }

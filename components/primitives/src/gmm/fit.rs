@@ -12,14 +12,14 @@ use crate::ValueError;
 pub struct GmmFit {
     /// Maximum number of iterations. Default 200.
     pub iterations: usize,
-    /// The fit ends when the mean log-likelihood per sample grows by less than this. Default 1e-6.
+    /// Growth of the mean log-likelihood per sample below which the fit ends. Default 1e-6.
     pub tolerance: f64,
     /// Variance added to every covariance in every direction, relative to the mean variance of the data, so
     /// that no component collapses onto a sample. Default 1e-5.
     pub floor: f64,
-    /// Number of restarts; the best one is kept. Default 3.
+    /// Number of restarts; the best fit is kept. Default 3.
     pub starts: usize,
-    /// Seed of the starts. Default 0.
+    /// Seed of the random starts. Default 0.
     pub seed: u64,
 }
 
@@ -34,7 +34,7 @@ impl Default for GmmFit {
 pub struct GmmFitted {
     /// The mixture.
     pub gmm: Gmm,
-    /// Log-likelihood of the data, summed.
+    /// Log-likelihood of the data, summed over all samples.
     pub log_likelihood: f64,
     /// Number of iterations.
     pub iterations: usize,
@@ -46,7 +46,8 @@ impl Gmm {
     /// Fits `components` Gaussians to samples (each a row).
     ///
     /// # Errors
-    /// Fewer samples than components, numbers that are not finite, settings out of range.
+    /// [`GmmError`] if there are fewer samples than components, a number is not finite, or a setting is out
+    /// of range.
     pub fn fit(samples: &DMatrix<f64>, components: usize, fit: &GmmFit) -> Result<GmmFitted, GmmError> {
         check(samples, components, fit)?;
         let mut rng = Pcg64::seed_from_u64(fit.seed);
@@ -65,10 +66,10 @@ impl Gmm {
         }))
     }
 
-    /// Fits every number of components in a range and keeps the model with the smallest [`bic`](Self::bic).
+    /// Fits every number of components in a range and returns the model with the smallest [`bic`](Self::bic).
     ///
     /// # Errors
-    /// Same as [`fit`](Self::fit), or the range is empty.
+    /// Same as [`fit`](Self::fit). Also if the range is empty.
     pub fn choose(
         samples: &DMatrix<f64>,
         components: std::ops::RangeInclusive<usize>,
@@ -90,7 +91,7 @@ impl Gmm {
         best.map(|(_, fitted)| fitted).ok_or(none)
     }
 
-    /// Runs expectation maximisation, starting from this mixture.
+    /// Improves this mixture by expectation maximisation on `samples` (each a row).
     ///
     /// # Errors
     /// Same as [`fit`](Self::fit).

@@ -14,41 +14,42 @@ pub struct Gmm {
     pub(super) covariances: Vec<DMatrix<f64>>,
 }
 
-/// An error of creating a mixture.
+/// Error of creating a mixture.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum GmmError {
     /// A number, vector or matrix is invalid.
     #[error(transparent)]
     Value(#[from] ValueError),
-    /// Too few samples for the number of components.
-    #[error("{samples} samples cannot fill {components} components")]
+    /// There are too few samples for the number of components.
+    #[error("found {samples} samples, expected at least one for each of {components} components")]
     TooFew {
-        /// Samples found.
+        /// Number of samples found.
         samples: usize,
         /// Requested number of components.
         components: usize,
     },
     /// A sample is not finite.
-    #[error("sample {sample} holds {value}, expected finite numbers only")]
+    #[error("sample {sample} contains {value}, expected only finite numbers")]
     NotFinite {
-        /// Index, counted from 0.
+        /// Index of the sample, from 0.
         sample: usize,
         /// Value found.
         value: f64,
     },
-    /// A matrix is not a covariance.
+    /// A covariance is not positive definite.
     #[error("the covariance of component {component} is not positive definite: raise the floor")]
     NotPositive {
-        /// Index, counted from 0.
+        /// Index of the component, from 0.
         component: usize,
     },
 }
 
 impl Gmm {
-    /// Creates a mixture from weights (normalised to sum to 1), means and covariances.
+    /// Creates a mixture from weights, means and covariances. The weights are normalised to sum to 1.
     ///
     /// # Errors
-    /// Sizes do not match, a weight is not positive, or a covariance is not positive definite.
+    /// [`GmmError`] if sizes do not match, a weight is not positive, or a covariance is not positive
+    /// definite.
     pub fn new(
         mut weights: Vec<f64>,
         means: Vec<DVector<f64>>,
@@ -95,42 +96,43 @@ impl Gmm {
         Ok(Self { weights, means, covariances })
     }
 
-    /// Number of components.
+    /// Returns the number of components.
     pub fn components(&self) -> usize {
         self.weights.len()
     }
 
-    /// Number of dimensions.
+    /// Returns the number of dimensions.
     pub fn dimensions(&self) -> usize {
         self.means[0].len()
     }
 
-    /// Weights `pi_k`.
+    /// Returns the weights `pi_k`.
     pub fn weights(&self) -> &[f64] {
         &self.weights
     }
 
-    /// Means `mu_k`.
+    /// Returns the means `mu_k`.
     pub fn means(&self) -> &[DVector<f64>] {
         &self.means
     }
 
-    /// Covariances `S_k`.
+    /// Returns the covariances `S_k`.
     pub fn covariances(&self) -> &[DMatrix<f64>] {
         &self.covariances
     }
 
-    /// Log-likelihood of samples (each a row), summed.
+    /// Returns the log-likelihood of samples (each a row), summed.
     ///
     /// # Errors
-    /// The samples have another dimension, or a covariance is no longer positive definite.
+    /// [`GmmError`] if the samples have another dimension, or a covariance is no longer positive definite.
     pub fn log_likelihood(&self, samples: &DMatrix<f64>) -> Result<f64, GmmError> {
         let mut joint = DMatrix::zeros(samples.nrows(), self.components());
         self.log_joint(samples, &mut joint)?;
         Ok(joint.row_iter().map(|row| log_sum(row.iter().copied())).sum())
     }
 
-    /// The Bayesian information criterion, `-2 log L + k ln n` with `k` free parameters: smaller is better.
+    /// Returns the Bayesian information criterion, `-2 log L + k ln n` with `k` free parameters. Smaller is
+    /// better.
     ///
     /// # Errors
     /// Same as [`log_likelihood`](Self::log_likelihood).

@@ -7,7 +7,7 @@ use nalgebra::{DMatrix, DVector};
 use super::mixture::{Gmm, GmmError};
 use crate::ValueError;
 
-/// Gaussian mixture regression: the distribution of the remaining coordinates given the first `inputs`
+/// Gaussian mixture regression: the distribution of the remaining coordinates, given the first `inputs`
 /// coordinates.
 ///
 /// `h_k(x) = pi_k N(x; mu_k^x, S_k^xx) / sum`, `m_k(x) = mu_k^y + S_k^yx (S_k^xx)^-1 (x - mu_k^x)`, `S_k =
@@ -41,10 +41,10 @@ struct Conditional {
 }
 
 impl Gmr {
-    /// Prepares a mixture whose first `inputs` coordinates are the inputs.
+    /// Prepares the regression for a mixture whose first `inputs` coordinates are the inputs.
     ///
     /// # Errors
-    /// No input or no output is left, or an input covariance is not positive definite.
+    /// [`GmmError`] if there is no input or no output, or an input covariance is not positive definite.
     pub fn new(gmm: &Gmm, inputs: usize) -> Result<Self, GmmError> {
         let dimensions = gmm.dimensions();
         if inputs == 0 || inputs >= dimensions {
@@ -86,16 +86,16 @@ impl Gmr {
         })
     }
 
-    /// Number of inputs.
+    /// Returns the number of inputs.
     pub fn inputs(&self) -> usize {
         self.inputs
     }
 
-    /// Returns the mean and covariance of the outputs at an input. Far from all components, the nearest one
-    /// dominates.
+    /// Returns the mean and covariance of the outputs for an input. Far from all components, the nearest
+    /// component dominates.
     ///
     /// # Errors
-    /// The input has the wrong length or is not finite.
+    /// [`GmmError`] if the input has the wrong length or is not finite.
     pub fn predict(&mut self, input: &[f64]) -> Result<(&DVector<f64>, &DMatrix<f64>), GmmError> {
         if input.len() != self.inputs {
             return Err(GmmError::Value(ValueError::Size {

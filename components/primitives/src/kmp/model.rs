@@ -8,11 +8,11 @@ use crate::ValueError;
 /// Parameters of a kernelised primitive. [`Default`] returns the values documented on each field.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct KmpSettings {
-    /// `lambda_1` of the mean. Default 1.
+    /// Regularisation `lambda_1` of the mean. Default 1.
     pub mean_regularisation: f64,
-    /// `lambda_2` of the covariance. Default 60.
+    /// Regularisation `lambda_2` of the covariance. Default 60.
     pub covariance_regularisation: f64,
-    /// Length parameter `l` of the kernel, squared unit of the input. Default 2.
+    /// Length parameter `l` of the kernel, in the squared unit of the input. Default 2.
     pub length: f64,
 }
 
@@ -22,7 +22,7 @@ impl Default for KmpSettings {
     }
 }
 
-/// A kernelised primitive. [`mean`](Self::mean) does not allocate, [`covariance`](Self::covariance) does.
+/// A kernelised primitive. [`mean`](Self::mean) does not allocate; [`covariance`](Self::covariance) does.
 #[derive(Clone, Debug)]
 pub struct Kmp {
     settings: KmpSettings,
@@ -36,10 +36,10 @@ pub struct Kmp {
 }
 
 impl Kmp {
-    /// Prepares a reference.
+    /// Prepares a primitive from a reference.
     ///
     /// # Errors
-    /// A setting is out of range, or a matrix is not positive definite.
+    /// [`KmpError`] if a setting is out of range, or a matrix is not positive definite.
     pub fn new(reference: &KmpReference, settings: KmpSettings) -> Result<Self, KmpError> {
         for (name, value) in [
             ("mean_regularisation", settings.mean_regularisation),
@@ -80,10 +80,10 @@ impl Kmp {
         })
     }
 
-    /// The mean at an input.
+    /// Returns the mean of the outputs at an input.
     ///
     /// # Errors
-    /// The input has the wrong length or is not finite.
+    /// [`KmpError`] if the input has the wrong length or is not finite.
     pub fn mean(&mut self, input: &[f64]) -> Result<&DVector<f64>, KmpError> {
         self.check(input)?;
         self.mean.fill(0.0);
@@ -94,7 +94,7 @@ impl Kmp {
         Ok(&self.mean)
     }
 
-    /// Number of outputs.
+    /// Returns the number of outputs.
     pub fn outputs(&self) -> usize {
         self.outputs
     }
@@ -114,10 +114,10 @@ impl Kmp {
         }
     }
 
-    /// The covariance at an input.
+    /// Returns the covariance of the outputs at an input.
     ///
     /// # Errors
-    /// The input has the wrong length or is not finite.
+    /// [`KmpError`] if the input has the wrong length or is not finite.
     pub fn covariance(&self, input: &[f64]) -> Result<DMatrix<f64>, KmpError> {
         self.check(input)?;
         let mut row = DMatrix::zeros(self.inputs.len() * self.outputs, self.outputs);

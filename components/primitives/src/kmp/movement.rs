@@ -15,10 +15,10 @@ pub struct KernelisedFit {
     /// Number of Gaussians in the reference mixture. Default: chosen from 1 to 12 by the Bayesian information
     /// criterion.
     pub components: Option<usize>,
-    /// Reference points, evenly spaced from start to end. Default 50.
+    /// Number of reference points, evenly spaced from start to end. Default 50.
     pub points: usize,
-    /// The kernel and its regularisation. Default: `lambda_1` 0.1, `lambda_2` 1, and a kernel of 0.01, which
-    /// falls to `1 / e` within a tenth of the movement.
+    /// Kernel and regularisation. Default: `lambda_1` 0.1, `lambda_2` 1, and a kernel length of 0.01, with
+    /// which the kernel falls to `1 / e` within a tenth of the movement.
     pub settings: KmpSettings,
 }
 
@@ -51,31 +51,33 @@ pub struct KernelisedMovement {
     duration: f64,
 }
 
-/// File representation of a [`KernelisedMovement`].
+/// File format of a [`KernelisedMovement`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct StoredKernelised {
     /// Duration of a demonstration, s.
     pub duration: f64,
-    /// `lambda_1` of the mean.
+    /// Regularisation `lambda_1` of the mean.
     pub mean_regularisation: f64,
-    /// `lambda_2` of the covariance.
+    /// Regularisation `lambda_2` of the covariance.
     pub covariance_regularisation: f64,
-    /// `l` of the kernel.
+    /// Length parameter `l` of the kernel.
     pub length: f64,
-    /// Phase of each point of the reference.
+    /// Phase of each reference point.
     pub phases: Vec<f64>,
-    /// Mean of each point, one entry per dimension.
+    /// Mean of each reference point, one entry per dimension.
     pub means: Vec<Vec<f64>>,
-    /// Covariance of each point, row by row.
+    /// Covariance of each reference point, row by row.
     pub covariances: Vec<Vec<Vec<f64>>>,
 }
 
 impl KernelisedMovement {
-    /// Fits evenly spaced demonstrations (samples x dimensions each) with the mean duration `duration` (s).
+    /// Fits evenly spaced demonstrations (each samples x dimensions) whose mean duration is `duration`
+    /// seconds.
     ///
     /// # Errors
-    /// No demonstration, different dimensions, fewer samples than components, settings out of range.
+    /// [`KmpError`] if there is no demonstration, their dimensions differ, there are fewer samples than
+    /// components, or a setting is out of range.
     pub fn fit(
         demonstrations: &[DMatrix<f64>],
         duration: f64,
@@ -112,10 +114,10 @@ impl KernelisedMovement {
         Self::new(KmpReference::from_regression(&mut gmr, &inputs)?, fit.settings, duration)
     }
 
-    /// Creates a movement from a reference over the phase.
+    /// Creates a movement from a reference over the phase and a duration, s.
     ///
     /// # Errors
-    /// An input is not a phase, a setting is out of range, or the duration is not positive.
+    /// [`KmpError`] if an input is not a phase, a setting is out of range, or the duration is not positive.
     pub fn new(reference: KmpReference, settings: KmpSettings, duration: f64) -> Result<Self, KmpError> {
         let refuse =
             |name, value, expected| Err(KmpError::Value(ValueError::OutOfRange { name, value, expected }));
@@ -132,22 +134,22 @@ impl KernelisedMovement {
         Ok(movement)
     }
 
-    /// Number of dimensions.
+    /// Returns the number of dimensions.
     pub fn dimensions(&self) -> usize {
         self.reference.points()[0].mean.len()
     }
 
-    /// Duration of a demonstration, s.
+    /// Returns the duration of a demonstration, s.
     pub fn duration(&self) -> f64 {
         self.duration
     }
 
-    /// The reference.
+    /// Returns the reference trajectory.
     pub fn reference(&self) -> &KmpReference {
         &self.reference
     }
 
-    /// The settings of the kernel.
+    /// Returns the settings of the kernel.
     pub fn settings(&self) -> KmpSettings {
         self.settings
     }
@@ -155,15 +157,17 @@ impl KernelisedMovement {
     /// Builds the primitive for evaluation.
     ///
     /// # Errors
-    /// A matrix is not positive definite.
+    /// [`KmpError`] if a matrix is not positive definite.
     pub fn kmp(&self) -> Result<Kmp, KmpError> {
         Kmp::new(&self.reference, self.settings)
     }
 
-    /// Returns the movement conditioned to pass a position at a phase, with a standard deviation.
+    /// Returns the movement conditioned to pass the position `place` at a phase, with the standard deviation
+    /// `deviation`.
     ///
     /// # Errors
-    /// The phase is out of range, the number of dimensions differs, or the deviation is not positive.
+    /// [`KmpError`] if the phase is out of range, the number of dimensions differs, or the deviation is not
+    /// positive.
     pub fn conditioned(&self, phase: f64, place: &DVector<f64>, deviation: f64) -> Result<Self, KmpError> {
         if !(0.0..=1.0).contains(&phase) {
             let (name, expected) = ("phase", "0 to 1");
@@ -185,10 +189,10 @@ impl KernelisedMovement {
         Self::new(reference, self.settings, self.duration)
     }
 
-    /// Returns the mean for execution over time.
+    /// Returns the mean of the movement, prepared for execution over time.
     ///
     /// # Errors
-    /// A matrix is not positive definite.
+    /// [`KmpError`] if a matrix is not positive definite.
     pub fn running(&self) -> Result<KernelisedMean, KmpError> {
         Ok(KernelisedMean { kmp: self.kmp()?, duration: self.duration })
     }

@@ -5,24 +5,24 @@ use nalgebra::{DMatrix, DVector};
 use crate::ValueError;
 use crate::gmm::Gmr;
 
-/// One point of a reference.
+/// One point of a reference trajectory.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ReferencePoint {
     /// Input `s`.
     pub input: DVector<f64>,
-    /// Mean there.
+    /// Mean of the outputs at this input.
     pub mean: DVector<f64>,
-    /// Covariance there: positive definite.
+    /// Covariance of the outputs at this input, positive definite.
     pub covariance: DMatrix<f64>,
 }
 
-/// A trajectory of Gaussians.
+/// A reference trajectory of Gaussians.
 #[derive(Clone, Debug, PartialEq)]
 pub struct KmpReference {
     points: Vec<ReferencePoint>,
 }
 
-/// An error of creating or conditioning a primitive.
+/// Error of creating or conditioning a kernelised primitive.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum KmpError {
     /// A number, vector or matrix is invalid.
@@ -31,16 +31,16 @@ pub enum KmpError {
     /// The reference is empty.
     #[error("the reference has no point, expected at least one")]
     Empty,
-    /// A matrix is not a covariance, or a value is not finite.
+    /// A covariance is not positive definite, or a value is not finite.
     #[error("reference point {point}: the covariance is not positive definite, or a number is not finite")]
     NotPositive {
-        /// Index, counted from 0.
+        /// Index of the point, from 0.
         point: usize,
     },
-    /// The references are incompatible.
+    /// The references have different inputs and cannot be superposed.
     #[error("the references have different inputs at point {point}: build them from the same inputs")]
     Different {
-        /// Index, counted from 0.
+        /// Index of the point, from 0.
         point: usize,
     },
     /// The regression rejected an input.
@@ -52,7 +52,7 @@ impl KmpReference {
     /// Creates a reference from points.
     ///
     /// # Errors
-    /// There is no point, sizes differ, or a covariance is not positive definite.
+    /// [`KmpError`] if there is no point, sizes differ, or a covariance is not positive definite.
     pub fn new(points: Vec<ReferencePoint>) -> Result<Self, KmpError> {
         let first = points.first().ok_or(KmpError::Empty)?;
         let (inputs, outputs) = (first.input.len(), first.mean.len());
@@ -62,10 +62,10 @@ impl KmpReference {
         Ok(Self { points })
     }
 
-    /// Creates a reference from predictions of a regression at given inputs.
+    /// Creates a reference from the predictions of a regression at these inputs.
     ///
     /// # Errors
-    /// There is no input, or the regression rejects one.
+    /// [`KmpError`] if there is no input, or the regression rejects an input.
     pub fn from_regression(gmr: &mut Gmr, inputs: &[DVector<f64>]) -> Result<Self, KmpError> {
         let mut points = Vec::with_capacity(inputs.len());
         for input in inputs {
@@ -79,7 +79,7 @@ impl KmpReference {
         Self::new(points)
     }
 
-    /// The points.
+    /// Returns the points of the reference.
     pub fn points(&self) -> &[ReferencePoint] {
         &self.points
     }
@@ -87,7 +87,7 @@ impl KmpReference {
     /// Adds a via point. It replaces an existing point whose input is closer than `within`.
     ///
     /// # Errors
-    /// Sizes differ, or the covariance is not positive definite.
+    /// [`KmpError`] if sizes differ, or the covariance is not positive definite.
     pub fn insert(&mut self, point: ReferencePoint, within: f64) -> Result<(), KmpError> {
         let (inputs, outputs) = (self.points[0].input.len(), self.points[0].mean.len());
         check(&point, self.points.len(), inputs, outputs)?;
@@ -108,7 +108,8 @@ impl KmpReference {
     /// points): `S_n = (sum_l g_ln S_ln^-1)^-1`, `mu_n = S_n sum_l g_ln S_ln^-1 mu_ln`.
     ///
     /// # Errors
-    /// There is no reference, the inputs differ, or the priorities at a point are negative or all zero.
+    /// [`KmpError`] if there is no reference, the inputs differ, or the priorities at a point are negative or
+    /// all zero.
     pub fn superposed(references: &[&Self], priorities: &DMatrix<f64>) -> Result<Self, KmpError> {
         let first = references.first().ok_or(KmpError::Empty)?;
         let (rows, columns) = (references.len(), first.points.len());

@@ -9,7 +9,7 @@ const APPROACH: f64 = 0.5;
 /// Setpoints of several joints that follow targets with step changes. Velocity, acceleration and position
 /// stay within limits at every step.
 ///
-/// Each joint moves at the velocity of its target plus the largest velocity from which it can brake within
+/// Each joint moves at the velocity of its target plus the maximum velocity from which it can brake within
 /// the remaining distance: `v^2 / 2a + v dt / 2 <= d`, with half of its acceleration and in steps of constant
 /// velocity. The jerk is not limited. Only [`new`](Self::new) allocates.
 ///
@@ -35,7 +35,7 @@ pub struct Follower {
 }
 
 impl Follower {
-    /// Creates a follower at rest at 0 with limits and a position range for each joint. Limits may be
+    /// Creates a follower at rest at 0, with limits and a position range for each joint. Limits may be
     /// infinite.
     pub fn new(limits: Vec<MotionLimits>, ranges: Vec<[f64; 2]>) -> Self {
         let zeros = vec![0.0; limits.len()];
@@ -52,17 +52,18 @@ impl Follower {
         self.velocity.fill(0.0);
     }
 
-    /// Position setpoints.
+    /// Returns the position setpoints.
     pub fn position(&self) -> &[f64] {
         &self.position
     }
 
-    /// Velocities of the setpoints in the last step, per second.
+    /// Returns the velocities of the setpoints in the last step, per second.
     pub fn velocity(&self) -> &[f64] {
         &self.velocity
     }
 
-    /// Advances by `dt` \[s\] towards targets that move with the velocities `rate` \[1/s\].
+    /// Advances by `dt` \[s\] towards targets at the positions `target` that move with the velocities `rate`
+    /// \[1/s\].
     pub fn step(&mut self, dt: f64, target: &[f64], rate: &[f64]) {
         let targets = target.iter().zip(rate);
         let joints = self.position.iter_mut().zip(&mut self.velocity).zip(&self.limits).zip(&self.ranges);

@@ -28,15 +28,15 @@ use crate::dmp::Jet;
 /// Maximum velocity, acceleration and jerk, all positive. The jerk may be infinite.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MotionLimits {
-    /// Velocity, per second.
+    /// Maximum velocity, per second.
     pub velocity: f64,
-    /// Acceleration, per second squared.
+    /// Maximum acceleration, per second squared.
     pub acceleration: f64,
-    /// Jerk, per second cubed.
+    /// Maximum jerk, per second cubed.
     pub jerk: f64,
 }
 
-/// Motion of one coordinate from rest at 0 to rest at a distance.
+/// Motion of one coordinate from rest at 0 to rest at a given distance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Profile {
     distance: f64,
@@ -56,7 +56,8 @@ enum Kind {
 const QUINTIC: [f64; 3] = [1.875, 5.773_502_691_896_258, 60.0];
 
 impl Profile {
-    /// Returns the fastest motion within limits: at any time jerk, acceleration or velocity is at its limit.
+    /// Returns the fastest motion within the limits: at any time jerk, acceleration or velocity is at its
+    /// limit.
     pub fn time_optimal(distance: f64, limits: &MotionLimits) -> Self {
         let MotionLimits { velocity: v, acceleration: a, jerk: j } = *limits;
         let d = distance.abs();
@@ -91,7 +92,7 @@ impl Profile {
         Self { distance, duration: duration.max(0.0), kind: Kind::Quintic }
     }
 
-    /// Shortest duration of a minimum-jerk motion within limits \[s\].
+    /// Returns the shortest duration of a minimum-jerk motion within the limits \[s\].
     pub fn minimum_jerk_duration(distance: f64, limits: &MotionLimits) -> f64 {
         let d = distance.abs();
         let [v, a, j] = QUINTIC;
@@ -105,7 +106,7 @@ impl Profile {
         Self { distance: 0.0, duration: 0.0, kind: Kind::Quintic }
     }
 
-    /// Returns the same motion, stretched to `duration` if it is shorter.
+    /// Returns the same motion, stretched to `duration` \[s\] if it is shorter.
     #[must_use]
     pub fn taking(self, duration: f64) -> Self {
         if duration <= self.duration {
@@ -120,17 +121,18 @@ impl Profile {
         Self { duration, kind, ..self }
     }
 
-    /// Duration of the profile \[s\].
+    /// Returns the duration of the profile \[s\].
     pub fn duration(&self) -> f64 {
         self.duration
     }
 
-    /// Distance of the profile.
+    /// Returns the distance between start and end.
     pub fn distance(&self) -> f64 {
         self.distance
     }
 
-    /// Position, velocity and acceleration at a time \[s\]; at rest before the start and after the end.
+    /// Returns position, velocity and acceleration at a time \[s\]. The motion is at rest before the start
+    /// and after the end.
     pub fn sample(&self, time: f64) -> Jet {
         if time <= 0.0 {
             return Jet::default();

@@ -3,10 +3,10 @@
 use super::MotionLimits;
 use crate::dmp::Jet;
 
-/// Fastest stop of one coordinate from a velocity and an acceleration, within limits of acceleration and
-/// jerk.
+/// Fastest stop of one coordinate with an initial velocity and acceleration, within limits of acceleration
+/// and jerk.
 ///
-/// A positive acceleration first decreases to zero: the velocity still grows by `a^2 / 2j`.
+/// A positive initial acceleration first decreases to zero; meanwhile the velocity still grows by `a^2 / 2j`.
 ///
 /// ```
 /// use motorium_primitives::profile::{MotionLimits, Stop};
@@ -45,8 +45,8 @@ impl Phase {
 }
 
 impl Stop {
-    /// Plans the stop from a velocity of at least 0 and an acceleration that the limits allow. The jerk limit
-    /// may be infinite.
+    /// Plans the stop for an initial velocity `rate` of at least 0 and an initial acceleration within the
+    /// limits. The jerk limit may be infinite.
     pub fn new(rate: f64, acceleration: f64, limits: &MotionLimits) -> Self {
         let MotionLimits { acceleration: most, jerk, .. } = *limits;
         let rate = rate.max(0.0);
@@ -78,12 +78,13 @@ impl Stop {
         Self { start, phases, duration, distance: end.value }
     }
 
-    /// Duration of the stop \[s\].
+    /// Returns the duration of the stop \[s\].
     pub fn duration(&self) -> f64 {
         self.duration
     }
 
-    /// Distance from the start, velocity and acceleration at a time \[s\]; at rest after the end.
+    /// Returns the distance from the start, velocity and acceleration at a time \[s\]. The motion is at rest
+    /// after the end.
     pub fn sample(&self, time: f64) -> Jet {
         if time >= self.duration {
             return Jet { value: self.distance, ..Jet::default() };

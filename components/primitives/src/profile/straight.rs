@@ -3,23 +3,23 @@
 use super::{MotionLimits, Profile, Stop};
 use crate::dmp::Jet;
 
-/// Profile of a motion along its line.
+/// Velocity profile of a motion along a straight line.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Shape {
-    /// As fast as the limits allow.
+    /// The fastest motion within the limits.
     #[default]
     TimeOptimal,
-    /// With the least jerk.
+    /// The motion with the least integrated squared jerk.
     MinimumJerk,
 }
 
 /// A rest-to-rest motion along the straight line between two points. All coordinates start and arrive
-/// together.
+/// simultaneously.
 ///
-/// The motion is time-optimal on this line: one coordinate is always at one of its limits. Coordinates that
-/// each moved at their own limits would leave the line and arrive at different times. Only [`new`](Self::new)
-/// allocates.
+/// The motion is time-optimal on this line: one coordinate is always at one of its limits. If each coordinate
+/// moved at its own limits, the motion would leave the line and the coordinates would arrive at different
+/// times. Only [`new`](Self::new) allocates.
 #[derive(Clone, Debug)]
 pub struct StraightMove {
     from: Vec<f64>,
@@ -57,7 +57,7 @@ impl Along {
 }
 
 impl StraightMove {
-    /// Creates a motion at rest at 0, within the limits of each coordinate.
+    /// Creates a motion that rests at 0, with limits for each coordinate.
     pub fn new(limits: Vec<MotionLimits>) -> Self {
         let zeros = vec![0.0; limits.len()];
         Self { from: zeros.clone(), way: zeros, limits, along: Along::Whole(Profile::rest()) }
@@ -88,8 +88,8 @@ impl StraightMove {
         }
     }
 
-    /// Plans the motion between two points. It lasts `duration`, or the shortest duration within the limits
-    /// if that is longer.
+    /// Plans the motion between two points. It lasts `duration` \[s\], or the shortest duration within the
+    /// limits if that is longer.
     pub fn plan(&mut self, from: &[f64], to: &[f64], shape: Shape, duration: Option<f64>) {
         self.from.copy_from_slice(from);
         self.way.iter_mut().zip(from.iter().zip(to)).for_each(|(way, (from, to))| *way = to - from);
@@ -107,8 +107,8 @@ impl StraightMove {
         });
     }
 
-    /// Replaces the motion after a time \[s\] by the fastest stop on its line, which ends before the motion
-    /// would have ended. Times of the stop count from there.
+    /// Replaces the motion after `time` \[s\] by the fastest stop on its line, which ends before the motion
+    /// would have ended. Times of the stop count from `time`.
     pub fn brake(&mut self, time: f64) {
         let jet = self.along.sample(time);
         let limits = self.limits_on(self.way.iter().copied());
@@ -116,7 +116,7 @@ impl StraightMove {
         self.along = Along::Stop { covered: jet.value, stop };
     }
 
-    /// Duration of the motion \[s\].
+    /// Returns the duration of the motion \[s\].
     pub fn duration(&self) -> f64 {
         self.along.duration()
     }

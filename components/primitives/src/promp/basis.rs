@@ -10,37 +10,38 @@ use crate::ValueError;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", tag = "kind", deny_unknown_fields)]
 pub enum ProMpBasis {
-    /// For strokes: `b_i = exp(-(p - c_i)^2 / 2h)`, `c_i = i / (N - 1)`, `h = -1 / (8 N^2 ln(overlap))`.
+    /// Gaussians for strokes: `b_i = exp(-(p - c_i)^2 / 2h)`, `c_i = i / (N - 1)`, `h = -1 / (8 N^2
+    /// ln(overlap))`.
     Gaussian {
-        /// `N`, at least 2.
+        /// Number of functions `N`, at least 2.
         count: usize,
         /// Overlap of neighbouring functions, in (0, 1).
         overlap: f64,
     },
-    /// For rhythms: `b_i = exp((cos(2 pi (p - c_i)) - 1) / h)`, `c_i = i / N` (von Mises).
+    /// Von Mises functions for rhythms: `b_i = exp((cos(2 pi (p - c_i)) - 1) / h)`, `c_i = i / N`.
     Periodic {
-        /// `N`, at least 3.
+        /// Number of functions `N`, at least 3.
         count: usize,
-        /// `h`, a positive number.
+        /// Width `h`, more than 0.
         width: f64,
     },
 }
 
 impl ProMpBasis {
-    /// Creates Gaussian functions; an overlap of 0.7 is usual.
+    /// Creates Gaussian functions. An overlap of 0.7 is usual.
     ///
     /// # Errors
-    /// There are fewer than two functions, or the overlap is outside (0, 1).
+    /// [`ProMpError`] if there are fewer than two functions, or the overlap is outside (0, 1).
     pub fn gaussian(count: usize, overlap: f64) -> Result<Self, ProMpError> {
         let basis = Self::Gaussian { count, overlap };
         basis.check()?;
         Ok(basis)
     }
 
-    /// Creates von Mises functions with the width of Gaussians of the same number and an overlap of 0.7.
+    /// Creates von Mises functions with the width of the same number of Gaussians with an overlap of 0.7.
     ///
     /// # Errors
-    /// There are fewer than three functions.
+    /// [`ProMpError`] if there are fewer than three functions.
     pub fn periodic(count: usize) -> Result<Self, ProMpError> {
         let squared = -1.0 / (8.0 * (count * count) as f64 * 0.7_f64.ln());
         let basis = Self::Periodic { count, width: squared * std::f64::consts::TAU.powi(2) };
@@ -68,14 +69,14 @@ impl ProMpBasis {
         }
     }
 
-    /// Number of functions.
+    /// Returns the number of functions.
     pub fn count(&self) -> usize {
         match *self {
             Self::Gaussian { count, .. } | Self::Periodic { count, .. } => count,
         }
     }
 
-    /// Writes every function and its derivative with respect to the phase.
+    /// Writes the value of every function and its derivative with respect to the phase.
     pub fn evaluate(&self, phase: f64, values: &mut [f64], slopes: &mut [f64]) {
         let exponent = |i: usize| match *self {
             Self::Gaussian { count, overlap } => {

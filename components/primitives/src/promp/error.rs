@@ -2,25 +2,25 @@
 
 use crate::ValueError;
 
-/// An error of creating or conditioning a primitive.
+/// Error of creating or conditioning a probabilistic primitive.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ProMpError {
     /// A number, vector or matrix is invalid.
     #[error(transparent)]
     Value(#[from] ValueError),
-    /// Too few demonstrations to estimate the variation.
-    #[error("{found} demonstrations, expected at least 2: a covariance needs more than one; record another")]
+    /// There are too few demonstrations to estimate the variation.
+    #[error("found {found} demonstrations, expected at least 2 to estimate a covariance; record another")]
     TooFew {
-        /// Value found.
+        /// Number of demonstrations found.
         found: usize,
     },
-    /// A matrix is not a covariance.
-    #[error("{name} is not positive definite: give it a larger variance, or the fit a larger jitter")]
+    /// A covariance is not positive definite.
+    #[error("{name} is not positive definite: increase its variance, or the jitter of the fit")]
     NotPositive {
-        /// The matrix.
+        /// Name of the matrix.
         name: &'static str,
     },
-    /// The primitives are incompatible.
+    /// The primitives have different bases or numbers of dimensions and cannot be combined.
     #[error(
         "the primitives differ in their basis or number of dimensions, so their weights cannot be combined"
     )]

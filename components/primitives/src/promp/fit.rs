@@ -11,18 +11,19 @@ use crate::ValueError;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Learning {
     /// Expectation maximisation of the likelihood of all samples (Lazaric and Ghavamzadeh 2010, with an
-    /// uninformative prior): handles noisy and incomplete demonstrations. With `A = Phi^T Phi`, `S_i = (A_i /
-    /// s^2 + Sigma^-1)^-1`, `m_i = S_i (Phi_i^T y_i / s^2 + Sigma^-1 mu)`; `mu = mean m_i`, `Sigma = mean
-    /// (S_i + (m_i - mu)(m_i - mu)^T)`, `s^2 = sum (|y_i - Phi_i m_i|^2 + tr(A_i S_i)) / sum of the samples`.
+    /// uninformative prior), which handles noisy and incomplete demonstrations. With `A = Phi^T Phi`, `S_i =
+    /// (A_i / s^2 + Sigma^-1)^-1`, `m_i = S_i (Phi_i^T y_i / s^2 + Sigma^-1 mu)`; `mu = mean m_i`, `Sigma =
+    /// mean (S_i + (m_i - mu)(m_i - mu)^T)`, `s^2 = sum (|y_i - Phi_i m_i|^2 + tr(A_i S_i)) / sum of the
+    /// samples`.
     Em {
         /// Maximum number of iterations.
         iterations: usize,
-        /// The fit ends when the mean changes by less than this fraction of its norm.
+        /// Relative change of the mean below which the fit ends, as a fraction of its norm.
         tolerance: f64,
     },
-    /// Ridge regression of each demonstration, then mean and covariance of the weights.
+    /// Ridge regression of each demonstration, followed by mean and covariance of the weights.
     Ridge {
-        /// The penalty, at least 0.
+        /// Penalty, at least 0.
         lambda: f64,
     },
 }
@@ -30,21 +31,21 @@ pub enum Learning {
 /// Settings of a fit. [`Default`] returns the values documented on each field.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ProMpFit {
-    /// Estimator. Default: EM with at most 200 iterations and a tolerance of 1e-5.
+    /// Estimator of the weight distribution. Default: EM with at most 200 iterations and a tolerance of 1e-5.
     pub learning: Learning,
-    /// Value added to the diagonal of the covariance, relative to its mean variance. Makes the covariance
+    /// Value added to the diagonal of the covariance, relative to its mean variance. It makes the covariance
     /// invertible with fewer demonstrations than weights. Default 1e-6.
     pub jitter: f64,
     /// Strength `k` of the prior that dimensions vary independently, as an equivalent number of
-    /// demonstrations, at least 0. From `n` demonstrations with the covariance `S`, the fit estimates
-    /// `(n S + k B) / (n + k)`, where `B` keeps the blocks of `S` within each dimension and is zero
-    /// elsewhere.
+    /// demonstrations, at least 0. From `n` demonstrations with the covariance `S`, the fit estimates `(n S +
+    /// k B) / (n + k)`. `B` contains the blocks of `S` within each dimension and is zero elsewhere. 0 is
+    /// maximum likelihood. Default 3.
     ///
     /// This is the maximum a posteriori estimate under an inverse-Wishart prior with the scale `k B` and `k -
     /// D N - 1` degrees of freedom (Gomez-Gonzalez, Neumann, Schoelkopf, Peters, *Adaptation and robust
     /// learning of probabilistic movement primitives*, IEEE Transactions on Robotics 36, 2020). `S` has at
-    /// most the rank `n - 1`: without the prior a few demonstrations appear to vary in some directions only,
-    /// and the primitive misses positions in the others. 0 is maximum likelihood. Default 3.
+    /// most the rank `n - 1`. Without the prior, a few demonstrations therefore appear to vary in some
+    /// directions only, and the primitive misses positions in the others.
     pub shrinkage: f64,
 }
 
@@ -66,11 +67,12 @@ struct Shown {
 }
 
 impl ProMp {
-    /// Fits demonstrations of one movement. Each is a matrix of samples x dimensions, evenly spaced from
-    /// start to end; the numbers of samples may differ.
+    /// Fits a primitive to demonstrations of one movement. Each demonstration is a matrix of samples x
+    /// dimensions, evenly spaced from start to end; the numbers of samples may differ.
     ///
     /// # Errors
-    /// Fewer than two demonstrations, different dimensions, too few samples, numbers that are not finite.
+    /// [`ProMpError`] if there are fewer than two demonstrations, their dimensions differ, there are too few
+    /// samples, or a number is not finite.
     pub fn fit(
         basis: ProMpBasis,
         demonstrations: &[DMatrix<f64>],
@@ -79,7 +81,8 @@ impl ProMp {
         Self::fit_with_progress(basis, demonstrations, fit, |_| {})
     }
 
-    /// Like [`fit`](Self::fit), and reports the completed fraction of the work, from 0 to 1, to `progress`.
+    /// Fits like [`fit`](Self::fit), and reports the completed fraction of the work, from 0 to 1, to
+    /// `progress`.
     ///
     /// # Errors
     /// Same as [`fit`](Self::fit).

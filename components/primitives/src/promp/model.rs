@@ -8,7 +8,7 @@ use super::basis::ProMpBasis;
 use super::error::ProMpError;
 use crate::ValueError;
 
-/// A probabilistic primitive; see the [module](super). Serialises as [`StoredProMp`].
+/// A probabilistic movement primitive; see the [module](super). Serialises as [`StoredProMp`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "StoredProMp", into = "StoredProMp")]
 pub struct ProMp {
@@ -20,11 +20,11 @@ pub struct ProMp {
     pub(super) duration: f64,
 }
 
-/// File representation of a [`ProMp`].
+/// File format of a [`ProMp`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct StoredProMp {
-    /// The basis functions.
+    /// Basis functions over the phase.
     pub basis: ProMpBasis,
     /// Number of dimensions.
     pub dimensions: usize,
@@ -38,21 +38,21 @@ pub struct StoredProMp {
     pub covariance: Vec<Vec<f64>>,
 }
 
-/// Quantity a primitive is conditioned on.
+/// Quantity on which a primitive is conditioned.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Observed {
-    /// The position.
+    /// Position.
     Position,
-    /// Velocity with respect to phase: the velocity in time multiplied by the duration.
+    /// Velocity with respect to the phase: the velocity in time multiplied by the duration.
     Velocity,
 }
 
 impl ProMp {
-    /// Creates a movement of 1 s from the distribution of the weights: mean (`D N`) and covariance (`D N x D
-    /// N`), ordered by dimension.
+    /// Creates a movement of 1 s from the distribution of the weights, with mean (`D N`) and covariance (`D N
+    /// x D N`) ordered by dimension.
     ///
     /// # Errors
-    /// Sizes that do not fit, numbers that are not finite, an asymmetric covariance.
+    /// [`ProMpError`] if sizes do not match, a number is not finite, or the covariance is asymmetric.
     pub fn from_weights(
         basis: ProMpBasis,
         dimensions: usize,
@@ -88,32 +88,32 @@ impl ProMp {
         Ok(Self { basis, dimensions, mean, covariance, noise: 0.0, duration: 1.0 })
     }
 
-    /// Number of dimensions.
+    /// Returns the number of dimensions.
     pub fn dimensions(&self) -> usize {
         self.dimensions
     }
 
-    /// The basis.
+    /// Returns the basis functions.
     pub fn basis(&self) -> &ProMpBasis {
         &self.basis
     }
 
-    /// Mean of the weights.
+    /// Returns the mean of the weights.
     pub fn weight_mean(&self) -> &DVector<f64> {
         &self.mean
     }
 
-    /// Covariance of the weights.
+    /// Returns the covariance of the weights.
     pub fn weight_covariance(&self) -> &DMatrix<f64> {
         &self.covariance
     }
 
-    /// Variance of a sample about its movement, as learned.
+    /// Returns the learned variance of a sample about its movement.
     pub fn noise(&self) -> f64 {
         self.noise
     }
 
-    /// Duration of the demonstrations, s; 1 unless the fit was given another.
+    /// Returns the duration of the movement, s. Default 1.
     pub fn duration(&self) -> f64 {
         self.duration
     }
@@ -121,7 +121,7 @@ impl ProMp {
     /// Sets the duration of the movement, s.
     ///
     /// # Errors
-    /// The duration is not positive.
+    /// [`ProMpError`] if the duration is not positive.
     pub fn set_duration(&mut self, duration: f64) -> Result<(), ProMpError> {
         if !(duration > 0.0 && duration.is_finite()) {
             let expected = "a positive time";
@@ -135,23 +135,23 @@ impl ProMp {
         Ok(())
     }
 
-    /// Mean of the position at a phase.
+    /// Returns the mean position at a phase.
     pub fn mean_at(&self, phase: f64) -> DVector<f64> {
         self.project(Observed::Position, phase, &self.mean)
     }
 
-    /// Mean of the velocity at a phase, per phase.
+    /// Returns the mean velocity at a phase, with respect to the phase.
     pub fn mean_velocity_at(&self, phase: f64) -> DVector<f64> {
         self.project(Observed::Velocity, phase, &self.mean)
     }
 
-    /// Covariance of the position at a phase, without the noise of a sample.
+    /// Returns the covariance of the position at a phase, without the noise of a sample.
     pub fn covariance_at(&self, phase: f64) -> DMatrix<f64> {
         let (_, covariance) = self.observation_model(Observed::Position, phase);
         covariance
     }
 
-    /// Distance of a position from the mean at a phase, in standard deviations of each dimension.
+    /// Returns the distance of a position from the mean at a phase, in standard deviations of each dimension.
     pub fn deviations_from_mean(&self, phase: f64, position: &[f64]) -> Vec<f64> {
         let (mean, covariance) = (self.mean_at(phase), self.covariance_at(phase));
         let distance =
@@ -159,7 +159,7 @@ impl ProMp {
         position.iter().enumerate().take(mean.len()).map(distance).collect()
     }
 
-    /// Returns the position at a phase for given weights.
+    /// Returns the position at a phase for these weights.
     pub fn position_of(&self, weights: &DVector<f64>, phase: f64) -> DVector<f64> {
         self.project(Observed::Position, phase, weights)
     }
@@ -167,7 +167,8 @@ impl ProMp {
     /// Samples weights from the distribution, using one independent standard normal number per weight.
     ///
     /// # Errors
-    /// The number of normal numbers is wrong, or the covariance is no longer positive definite.
+    /// [`ProMpError`] if the number of normal numbers is wrong, or the covariance is no longer positive
+    /// definite.
     pub fn sample_weights(&self, normal: &DVector<f64>) -> Result<DVector<f64>, ProMpError> {
         if normal.len() != self.mean.len() {
             let (found, expected) = (normal.len(), self.mean.len());
@@ -182,11 +183,12 @@ impl ProMp {
     }
 
     /// Returns the primitive conditioned to pass `place` at `phase` with the covariance `noise` (`D x D`;
-    /// zero is exact): `L = Sigma Phi (noise + Phi^T Sigma Phi)^-1`, `mu + L (place - Phi^T mu)`, `Sigma - L
-    /// Phi^T Sigma`.
+    /// zero means exactly): `L = Sigma Phi (noise + Phi^T Sigma Phi)^-1`, `mu + L (place - Phi^T mu)`,
+    /// `Sigma - L Phi^T Sigma`.
     ///
     /// # Errors
-    /// Sizes do not match, a number is not finite, or the position is already known exactly.
+    /// [`ProMpError`] if sizes do not match, a number is not finite, or the position is already known
+    /// exactly.
     pub fn conditioned(
         &self,
         phase: f64,
@@ -196,7 +198,8 @@ impl ProMp {
         self.conditioned_on(Observed::Position, phase, place, noise)
     }
 
-    /// Like [`conditioned`](Self::conditioned), for a position or a velocity.
+    /// Returns the conditioned primitive like [`conditioned`](Self::conditioned), for a position or a
+    /// velocity.
     ///
     /// # Errors
     /// Same as [`conditioned`](Self::conditioned).

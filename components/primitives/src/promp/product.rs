@@ -12,7 +12,8 @@ impl ProMp {
     /// primitive dominates where its variance is small.
     ///
     /// # Errors
-    /// No primitive, different bases, activations that are not positive, or a covariance without an inverse.
+    /// [`ProMpError`] if there is no primitive, the bases differ, an activation is not positive, or a
+    /// covariance is not invertible.
     pub fn product(primitives: &[(&Self, f64)]) -> Result<Self, ProMpError> {
         let [(first, _), ..] = primitives else {
             return Err(ProMpError::TooFew { found: 0 });
@@ -27,13 +28,13 @@ impl ProMp {
     }
 }
 
-/// Blends several primitives at a phase: returns mean and covariance of the product of their position
+/// Blends several primitives at a phase. Returns mean and covariance of the product of their position
 /// Gaussians, each raised to its activation at this phase. Activations that vary with the phase give a
 /// transition from one primitive to another. The bases may differ.
 ///
 /// # Errors
-/// No primitive, different dimensions, activations that are negative or all zero, or a covariance without an
-/// inverse.
+/// [`ProMpError`] if there is no primitive, the dimensions differ, activations are negative or all zero, or a
+/// covariance is not invertible.
 pub fn blend(primitives: &[(&ProMp, f64)], phase: f64) -> Result<(DVector<f64>, DMatrix<f64>), ProMpError> {
     let [(first, _), ..] = primitives else {
         return Err(ProMpError::TooFew { found: 0 });

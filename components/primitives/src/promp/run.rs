@@ -4,7 +4,7 @@ use super::error::ProMpError;
 use super::model::ProMp;
 use crate::mean::{MeanMovement, MeanRunner};
 
-/// A [`ProMp`] with scratch memory for its evaluation.
+/// A [`ProMp`] with scratch memory for evaluating its mean.
 #[derive(Clone, Debug)]
 pub struct ProMpMean {
     promp: ProMp,
@@ -41,16 +41,16 @@ impl MeanMovement for ProMpMean {
 pub type ProMpRunner = MeanRunner<ProMpMean>;
 
 impl MeanRunner<ProMpMean> {
-    /// The primitive it runs.
+    /// Returns the primitive.
     pub fn promp(&self) -> &ProMp {
         &self.movement().promp
     }
 
-    /// Replaces the primitive by one of the same dimensions, from the next start. Does not allocate if the
-    /// bases have equal size.
+    /// Replaces the primitive by another with the same number of dimensions, from the next start on. Does not
+    /// allocate if the bases have equal size.
     ///
     /// # Errors
-    /// The number of dimensions differs.
+    /// [`ProMpError`] if the number of dimensions differs.
     pub fn exchange(&mut self, promp: ProMp) -> Result<(), ProMpError> {
         if promp.dimensions() != self.position().len() {
             return Err(ProMpError::Different);

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-/// Root mean square and largest deviations of points from a path, accumulated point by point without
+/// Root mean square and maximum deviation of points from a path, accumulated point by point without
 /// allocation.
 ///
 /// ```
@@ -42,18 +42,19 @@ impl PathDeviation {
         self.largest = self.largest.max(near.sqrt());
     }
 
-    /// Root mean square distance from the nearest point of the path, m; `None` before the first point.
+    /// Returns the root mean square distance from the nearest point of the path, m; `None` before the first
+    /// point.
     pub fn rms(&self) -> Option<f64> {
         self.mean(self.near_squares)
     }
 
-    /// Root mean square distance from the point of the path at the same progress, m; `None` before the first
-    /// point.
+    /// Returns the root mean square distance from the point of the path at the same progress, m; `None`
+    /// before the first point.
     pub fn timed_rms(&self) -> Option<f64> {
         self.mean(self.timed_squares)
     }
 
-    /// Largest distance from the nearest point of the path, m; `None` before the first point.
+    /// Returns the largest distance from the nearest point of the path, m; `None` before the first point.
     pub fn largest(&self) -> Option<f64> {
         (self.samples > 0).then_some(self.largest)
     }

@@ -13,25 +13,26 @@ use crate::dmp::{Coupling, DiscreteDmp, DmpModel, MoveError, OrientationDmp};
 /// State of a reach.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ReachPhase {
-    /// Not started; no pose exists yet.
+    /// The reach has not started, so it has no pose yet.
     Waiting,
-    /// Moving to a goal.
+    /// The end effector moves to a goal.
     Moving,
-    /// At a goal.
+    /// The end effector dwells at a goal.
     Dwelling,
-    /// At the last goal, permanently.
+    /// The end effector stays at the last goal permanently.
     Finished,
 }
 
-/// Motion of an end effector from its current pose through a sequence of goals, optionally repeating from the
-/// first.
+/// Motion of an end effector from its current pose through a sequence of goals. The sequence optionally
+/// repeats from the first goal.
 ///
-/// Each segment is a [`DiscreteDmp`] for the position and an [`OrientationDmp`], both with the quintic goal:
-/// the end effector starts at rest without acceleration and rests at the goal exactly at the end of the
-/// duration. A fitted shape arrives within its fit error, which decays during the dwell. Each segment
-/// continues position, velocity and acceleration of the previous one, so the motion has no jumps.
+/// Each segment consists of a [`DiscreteDmp`] for the position and an [`OrientationDmp`], both with the
+/// quintic goal. The end effector starts at rest without acceleration and rests at the goal exactly at the
+/// end of the duration. A fitted shape arrives within its fit error, which decays during the dwell. Each
+/// segment continues position, velocity and acceleration of the previous segment, so the motion has no
+/// discontinuities.
 ///
-/// Time is counted in whole nanoseconds, and segments change within a step exactly where they end, so the
+/// Time is counted in whole nanoseconds, and segments can change within a step at the exact time, so the
 /// schedule does not depend on the step width. Only [`new`](Self::new) allocates.
 #[derive(Clone, Debug)]
 pub struct PoseReach {
@@ -72,10 +73,11 @@ struct Motion {
 const AT_REST: f64 = 1e-6;
 
 impl PoseReach {
-    /// Prepares the segments in order.
+    /// Creates a reach with these segments, in order.
     ///
     /// # Errors
-    /// No segment, a goal that is not finite, a duration under 1 ms, or an invalid shape.
+    /// [`ReachError`] if there is no segment, a goal is not finite, a duration is under 1 ms, or a shape is
+    /// invalid.
     pub fn new(segments: Vec<Segment>, repeat: Repeat) -> Result<Self, ReachError> {
         if segments.is_empty() {
             return Err(ReachError::NoSegments);
@@ -97,18 +99,18 @@ impl PoseReach {
         })
     }
 
-    /// Starts to the first goal, from rest at a pose in the world frame.
+    /// Starts the motion to the first goal, from rest at a pose in the world frame.
     ///
     /// # Errors
-    /// The pose is not finite.
+    /// [`SteerError`] if the pose is not finite.
     pub fn start(&mut self, pose: Isometry3<f64>) -> Result<(), SteerError> {
         self.start_with(0, pose)
     }
 
-    /// Like [`start`](Self::start), but begins with a later segment.
+    /// Starts like [`start`](Self::start), but with the given segment instead of the first.
     ///
     /// # Errors
-    /// The segment does not exist, or the pose is not finite.
+    /// [`SteerError`] if the segment does not exist, or the pose is not finite.
     pub fn start_with(&mut self, segment: usize, pose: Isometry3<f64>) -> Result<(), SteerError> {
         self.check_segment(segment)?;
         check("the pose to start from", &pose)?;
@@ -132,11 +134,11 @@ impl PoseReach {
         self.phase = ReachPhase::Waiting;
     }
 
-    /// Replaces the goal of a segment from its next start. For the segment in progress, see
-    /// [`redirect`](Self::redirect).
+    /// Replaces the goal of a segment, effective from the segment's next start. For the segment in progress,
+    /// see [`redirect`](Self::redirect).
     ///
     /// # Errors
-    /// The segment does not exist, or the pose is not finite.
+    /// [`SteerError`] if the segment does not exist, or the pose is not finite.
     pub fn set_goal(&mut self, segment: usize, goal: Isometry3<f64>) -> Result<(), SteerError> {
         self.check_segment(segment)?;
         check("the goal", &goal)?;
@@ -144,11 +146,12 @@ impl PoseReach {
         Ok(())
     }
 
-    /// Changes the shape of the path to a goal from the segment's next start, without allocating. The
-    /// primitive must have the same settings.
+    /// Changes the shape of the path to a goal, effective from the segment's next start, without allocating.
+    /// The new primitive must have the same settings.
     ///
     /// # Errors
-    /// The segment does not exist or is in progress, or the primitive has different settings.
+    /// [`SteerError`] if the segment does not exist or is in progress, or the primitive has different
+    /// settings.
     pub fn reshape(&mut self, segment: usize, shape: &DmpModel) -> Result<(), SteerError> {
         self.check_segment(segment)?;
         if segment == self.current && self.phase == ReachPhase::Moving {
@@ -157,11 +160,11 @@ impl PoseReach {
         Ok(self.segments[segment].position.exchange(shape)?)
     }
 
-    /// Sets the speed factor: 1 is nominal speed, 0 holds the current position. It stretches movements and
-    /// dwells alike and is approached at [`SPEED_SLEW`](super::SPEED_SLEW).
+    /// Sets the target speed factor: 1 is nominal speed, 0 holds the current position. The factor stretches
+    /// movements and dwells alike. It changes at a rate of at most [`SPEED_SLEW`](super::SPEED_SLEW).
     ///
     /// # Errors
-    /// The factor is negative or not finite.
+    /// [`SteerError`] if the factor is negative or not finite.
     pub fn set_speed(&mut self, speed: f64) -> Result<(), SteerError> {
         if !(speed.is_finite() && speed >= 0.0) {
             return Err(SteerError::Speed { found: speed });
@@ -171,12 +174,12 @@ impl PoseReach {
     }
 
     /// Replaces the goal of the current segment. During a movement, the end effector changes course without a
-    /// jump and arrives at the original time, or after [half a duration](crate::dmp::REPLANNING_TIME) if that
-    /// is later. At a goal, it starts again with the duration and shape of the current segment. The sequence
-    /// then continues with the next segment.
+    /// discontinuity and arrives at the original time, or after [half a
+    /// duration](crate::dmp::REPLANNING_TIME) if that is later. At a goal, it starts again with the duration
+    /// and shape of the current segment. The sequence then continues with the next segment.
     ///
     /// # Errors
-    /// The reach has not started, or the pose is not finite.
+    /// [`SteerError`] if the reach has not started, or the pose is not finite.
     pub fn redirect(&mut self, goal: Isometry3<f64>) -> Result<(), SteerError> {
         check("the goal", &goal)?;
         match self.phase {
@@ -198,14 +201,14 @@ impl PoseReach {
     }
 
     /// Pushes the position off its path by an acceleration \[m/s2\] until the next call. The acceleration may
-    /// come from an obstacle or a force ([`Coupling::acceleration`](crate::dmp::Coupling)). The effect decays
+    /// come from an obstacle or a force ([`Coupling::acceleration`](crate::dmp::Coupling)). Its effect decays
     /// with the spring of the primitive. A non-finite value is ignored.
     pub fn push(&mut self, acceleration: Vector3<f64>) {
         let is_finite = acceleration.iter().all(|part| part.is_finite());
         self.push = if is_finite { acceleration } else { Vector3::zeros() };
     }
 
-    /// Advances by a step of real time.
+    /// Advances by `dt` of real time.
     pub fn step(&mut self, dt: Duration) {
         if self.phase == ReachPhase::Waiting {
             return;
@@ -236,49 +239,49 @@ impl PoseReach {
         };
     }
 
-    /// Pose of the end effector in the world frame. The identity before the start.
+    /// Returns the pose of the end effector in the world frame; the identity before the start.
     pub fn pose(&self) -> Isometry3<f64> {
         let motion = self.motion();
         Isometry3::from_parts(Translation3::from(motion.position), motion.orientation)
     }
 
-    /// Velocity of the end effector in world axes.
+    /// Returns the velocity of the end effector in world axes.
     pub fn twist(&self) -> Twist {
         self.motion().velocity * self.time_scale.rate()
     }
 
-    /// Acceleration of the end effector in world axes.
+    /// Returns the acceleration of the end effector in world axes.
     pub fn acceleration(&self) -> Twist {
         let motion = self.motion();
         motion.acceleration * self.time_scale.rate().powi(2) + motion.velocity * self.time_scale.slope()
     }
 
-    /// State of the reach.
+    /// Returns the state of the reach.
     pub fn phase(&self) -> ReachPhase {
         self.phase
     }
 
-    /// Number of segments.
+    /// Returns the number of segments.
     pub fn segments(&self) -> usize {
         self.segments.len()
     }
 
-    /// Index of the current segment, from 0.
+    /// Returns the index of the current segment, from 0.
     pub fn segment(&self) -> usize {
         self.current
     }
 
-    /// Elapsed time of the current segment over its duration; 1 after the arrival.
+    /// Returns the elapsed time of the current segment divided by its duration; 1 after arrival.
     pub fn progress(&self) -> f64 {
         if self.arrival == 0 { 1.0 } else { (self.elapsed as f64 / self.arrival as f64).min(1.0) }
     }
 
-    /// Goal of the current segment, in the world frame.
+    /// Returns the goal of the current segment, in the world frame.
     pub fn goal(&self) -> Isometry3<f64> {
         self.goal
     }
 
-    /// Number of goals started so far.
+    /// Returns the number of goals started so far.
     pub fn goals_set(&self) -> u64 {
         self.goals_set
     }

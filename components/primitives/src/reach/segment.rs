@@ -9,16 +9,16 @@ use serde::{Deserialize, Serialize};
 use super::shape::{PathShape, ShapeError};
 use crate::dmp::MoveError;
 
-/// One goal and the path to it.
+/// One goal and the path to this goal.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Segment {
-    /// Pose of the end effector at the end, in the world frame.
+    /// Goal pose of the end effector in the world frame.
     pub goal: Isometry3<f64>,
     /// Time to reach the goal, at least 1 ms.
     pub duration: Duration,
     /// Dwell time at the goal.
     pub dwell: Duration,
-    /// Shape of the position's path.
+    /// Shape of the position path.
     pub shape: PathShape,
 }
 
@@ -33,63 +33,63 @@ pub enum Repeat {
     Forever,
 }
 
-/// An invalid sequence of segments.
+/// Error of an invalid sequence of segments.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ReachError {
     /// There is no goal.
     #[error("no goal given, expected at least one")]
     NoSegments,
     /// The goal is not a finite pose.
-    #[error("the pose of goal {segment} holds numbers that are not finite")]
+    #[error("the pose of goal {segment} contains numbers that are not finite")]
     Goal {
-        /// Index, counted from 0.
+        /// Index of the goal, from 0.
         segment: usize,
     },
     /// The duration is too short.
     #[error("goal {segment} has a duration of {} s, expected at least 0.001 s", .found.as_secs_f64())]
     Duration {
-        /// Index, counted from 0.
+        /// Index of the goal, from 0.
         segment: usize,
-        /// Value found.
+        /// Duration found.
         found: Duration,
     },
-    /// An invalid shape.
+    /// The shape of a path is invalid.
     #[error("the path to goal {segment}: {source}")]
     Shape {
-        /// Index, counted from 0.
+        /// Index of the goal, from 0.
         segment: usize,
-        /// The error of the shape.
+        /// Reason why the shape is invalid.
         source: ShapeError,
     },
 }
 
-/// An error of starting or steering a reach. The reach is left unchanged.
+/// Error of starting or steering a reach. The reach is left unchanged.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum SteerError {
-    /// The reach was steered before its start.
-    #[error("the reach has not been started, so it has no pose to be steered from")]
+    /// The reach was steered before it was started.
+    #[error("the reach has not been started, so it has no pose yet")]
     NotStarted,
     /// The segment does not exist.
-    #[error("there is no segment {segment}: there are {segments}, counted from 0")]
+    #[error("there is no segment {segment}, expected an index below {segments}")]
     NoSuchSegment {
-        /// Requested index.
+        /// Index requested.
         segment: usize,
         /// Number of segments.
         segments: usize,
     },
     /// The speed factor is invalid.
-    #[error("a speed factor of {found}, expected a finite number of at least 0")]
+    #[error("the speed factor is {found}, expected a finite number of at least 0")]
     Speed {
-        /// Value found.
+        /// Speed factor found.
         found: f64,
     },
     /// The shape of a segment in progress cannot change.
-    #[error("segment {segment} is in progress: its shape can change when the end effector has arrived")]
+    #[error("segment {segment} is in progress: change its shape after the end effector has arrived")]
     UnderWay {
-        /// Index, counted from 0.
+        /// Index of the segment, from 0.
         segment: usize,
     },
-    /// An error of the primitives.
+    /// A primitive rejected the command.
     #[error(transparent)]
     Move(#[from] MoveError),
 }

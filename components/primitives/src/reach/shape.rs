@@ -4,44 +4,43 @@ use nalgebra::{DMatrix, Vector3};
 
 use crate::dmp::{Demonstration, DmpModel, Regression, Settings, Variant};
 
-/// Largest deviation of an arc along an axis, m.
+/// Maximum deviation of an arc along each axis, m.
 pub const MAX_APEX: f64 = 1e6;
 
-/// Shape of the position's path to a goal. The orientation always follows the great arc.
+/// Shape of the position path to a goal. The orientation always follows the shortest rotation.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum PathShape {
-    /// Along the straight line.
+    /// The straight line.
     #[default]
     Straight,
-    /// An arc whose midpoint deviates from the straight line by `apex`, in world axes, m; for example over an
-    /// obstacle.
+    /// An arc whose midpoint deviates from the straight line by `apex`, for example to pass over an obstacle.
     Arc {
-        /// Deviation at the midpoint, m; each component at most [`MAX_APEX`].
+        /// Deviation at the midpoint in world axes, m; each component at most [`MAX_APEX`].
         apex: Vector3<f64>,
     },
-    /// A learned primitive of three dimensions. It must be a [`Variant::QuinticGoal`], which starts without a
-    /// jolt and arrives on time.
+    /// A learned primitive of three dimensions. It must be a [`Variant::QuinticGoal`], which starts smoothly
+    /// and arrives on time.
     Learned(Box<DmpModel>),
 }
 
-/// An invalid path shape.
+/// Error of an invalid path shape.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ShapeError {
-    /// The apex is not finite or too far away.
+    /// The apex is not finite, or a component exceeds [`MAX_APEX`].
     #[error("the apex of the arc is ({:?}, {:?}, {:?}) m, expected finite numbers of at most {MAX_APEX} m", .0.x, .0.y, .0.z)]
     Apex(Vector3<f64>),
     /// The primitive does not have three dimensions.
     #[error("the learned shape has {found} dimensions, expected 3: the position of the end effector")]
     Dimensions {
-        /// Its dimensions.
+        /// Number of dimensions found.
         found: usize,
     },
-    /// The primitive's variant starts with a jolt or arrives late.
+    /// The primitive's variant starts abruptly or arrives late.
     #[error(
         "the learned shape is a {found:?} primitive, expected QuinticGoal: the others start with a jolt or arrive late"
     )]
     Variant {
-        /// Its variant.
+        /// Variant found.
         found: Variant,
     },
 }

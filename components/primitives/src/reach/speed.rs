@@ -1,6 +1,7 @@
 //! Time scale: the rate of policy time relative to world time.
 
-/// Maximum change of the speed factor per second: from standstill to nominal speed in a quarter of a second.
+/// Maximum rate of change of the speed factor, 1/s. The transition from standstill to nominal speed lasts a
+/// quarter of a second.
 pub const SPEED_SLEW: f64 = 4.0;
 
 /// Converts real time to policy time, at a rate that follows the commanded one without a jump.

@@ -28,22 +28,23 @@ pub struct PolynomialMovement {
     weights: DMatrix<f64>,
 }
 
-/// File representation of a [`PolynomialMovement`].
+/// File format of a [`PolynomialMovement`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct StoredPolynomial {
     /// Duration of the movement, s.
     pub duration: f64,
-    /// For each dimension, the weight of each power of the phase, from 0 on.
+    /// Weight of each power of the phase, starting with power 0, for each dimension.
     pub weights: Vec<Vec<f64>>,
 }
 
 impl PolynomialMovement {
-    /// Fits polynomials of a degree to evenly spaced demonstrations (samples x dimensions each) with the mean
-    /// duration `duration` (s). The penalty `lambda |w|^2` applies to all weights except the constants.
+    /// Fits polynomials of a degree to evenly spaced demonstrations (each samples x dimensions) whose mean
+    /// duration is `duration` seconds. The penalty `lambda |w|^2` applies to all weights except the
+    /// constants.
     ///
     /// # Errors
-    /// Same as [`PolynomialPolicy::fit`], or the duration is not positive.
+    /// Same as [`PolynomialPolicy::fit`]. Also if the duration is not positive.
     pub fn fit(
         demonstrations: &[DMatrix<f64>],
         duration: f64,
@@ -87,22 +88,22 @@ impl PolynomialMovement {
         Ok(Self { duration, weights })
     }
 
-    /// The degree of the polynomials.
+    /// Returns the degree of the polynomials.
     pub fn degree(&self) -> usize {
         self.weights.nrows() - 1
     }
 
-    /// The weights, powers x dimensions.
+    /// Returns the weights, powers x dimensions.
     pub fn weights(&self) -> &DMatrix<f64> {
         &self.weights
     }
 
-    /// The position at a phase.
+    /// Returns the position at a phase.
     pub fn position(&self, phase: f64) -> Vec<f64> {
         self.weights.column_iter().map(|weights| value(weights.as_slice(), phase).0).collect()
     }
 
-    /// The derivative of the position with respect to the phase.
+    /// Returns the derivative of the position with respect to the phase.
     pub fn slope(&self, phase: f64) -> Vec<f64> {
         self.weights.column_iter().map(|weights| value(weights.as_slice(), phase).1).collect()
     }

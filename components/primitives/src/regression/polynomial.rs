@@ -4,9 +4,9 @@ use nalgebra::DMatrix;
 
 use crate::ValueError;
 
-/// Polynomial policy `u = W f(x)`, where `f` contains all monomials of `x` up to a total degree, the constant
-/// 1 first, in graded lexicographic order: for two inputs and degree 2, `1, x0, x1, x0^2, x0 x1, x1^2`.
-/// Degree 1 is the linear policy `u = W x + b`. Only construction allocates.
+/// A polynomial policy `u = W f(x)`. `f` contains all monomials of `x` up to a total degree, the constant 1
+/// first, in graded lexicographic order: for two inputs and degree 2, `1, x0, x1, x0^2, x0 x1, x1^2`. Degree
+/// 1 is the linear policy `u = W x + b`. Only construction allocates.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PolynomialPolicy {
     inputs: usize,
@@ -19,7 +19,7 @@ pub struct PolynomialPolicy {
     features: Vec<f64>,
 }
 
-/// An error of a polynomial policy.
+/// Error of a polynomial policy.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum RegressionError {
     /// A number, vector or matrix is invalid.
@@ -30,9 +30,9 @@ pub enum RegressionError {
         "{samples} samples cannot determine {monomials} monomials: use a lower degree, more samples or lambda > 0"
     )]
     Undetermined {
-        /// Samples found.
+        /// Number of samples found.
         samples: usize,
-        /// Monomials to be determined.
+        /// Number of monomials to be determined.
         monomials: usize,
     },
 }
@@ -44,7 +44,7 @@ impl PolynomialPolicy {
     /// Creates a policy with zero weights.
     ///
     /// # Errors
-    /// There is no input or no output, or there are more than 10,000 monomials.
+    /// [`RegressionError`] if there is no input or no output, or there are more than 10,000 monomials.
     pub fn new(inputs: usize, outputs: usize, degree: usize) -> Result<Self, RegressionError> {
         for (name, value) in [("inputs", inputs), ("outputs", outputs)] {
             if value == 0 {
@@ -85,11 +85,12 @@ impl PolynomialPolicy {
         })
     }
 
-    /// Fits inputs (samples x inputs) to outputs (samples x outputs) by least squares with the penalty
-    /// `lambda |W|^2`, which excludes the constant.
+    /// Fits a policy to inputs (samples x inputs) and outputs (samples x outputs) by least squares with the
+    /// penalty `lambda |W|^2`, which excludes the constant.
     ///
     /// # Errors
-    /// Sizes that do not fit, numbers that are not finite, a negative penalty, an undetermined fit.
+    /// [`RegressionError`] if sizes do not match, a number is not finite, the penalty is negative, or the
+    /// samples do not determine the weights.
     pub fn fit(
         inputs: &DMatrix<f64>,
         outputs: &DMatrix<f64>,
@@ -147,27 +148,27 @@ impl PolynomialPolicy {
         Ok(policy)
     }
 
-    /// Number of inputs.
+    /// Returns the number of inputs.
     pub fn inputs(&self) -> usize {
         self.inputs
     }
 
-    /// Number of outputs.
+    /// Returns the number of outputs.
     pub fn outputs(&self) -> usize {
         self.weights.ncols()
     }
 
-    /// The total degree.
+    /// Returns the total degree.
     pub fn degree(&self) -> usize {
         self.degree
     }
 
-    /// The weights, monomials x outputs.
+    /// Returns the weights, monomials x outputs.
     pub fn weights(&self) -> &DMatrix<f64> {
         &self.weights
     }
 
-    /// Mutable weights, for learners. Their number is fixed.
+    /// Returns the weights (monomials x outputs) for writing, for learners. Their number is fixed.
     pub fn weights_mut(&mut self) -> nalgebra::DMatrixViewMut<'_, f64> {
         self.weights.as_view_mut()
     }
@@ -175,7 +176,7 @@ impl PolynomialPolicy {
     /// Writes the action for an input.
     ///
     /// # Errors
-    /// A slice has the wrong length.
+    /// [`RegressionError`] if a slice has the wrong length.
     pub fn act(&mut self, input: &[f64], action: &mut [f64]) -> Result<(), RegressionError> {
         for (name, found, expected) in
             [("the input", input.len(), self.inputs), ("the action", action.len(), self.outputs())]

@@ -3,7 +3,7 @@
 use super::{Place, RouteSettings, RouteStep, Stop, turn_between};
 use crate::profile::Profile;
 
-/// A route in progress. Only [`new`](Self::new) allocates.
+/// Execution of a route by a wheeled base. Only [`new`](Self::new) allocates.
 #[derive(Clone, Debug)]
 pub struct Route {
     stops: Vec<Stop>,
@@ -35,8 +35,8 @@ enum Stage {
 }
 
 impl Route {
-    /// Creates a route through stops, which starts with the first step. Without stops it is finished
-    /// immediately.
+    /// Creates a route through `stops`, which begins with the first call of [`step`](Self::step). Without
+    /// stops the route is finished immediately.
     pub fn new(stops: Vec<Stop>, settings: RouteSettings) -> Self {
         let stage = if stops.is_empty() { Stage::Finished } else { Stage::Setting };
         Self {
@@ -52,17 +52,18 @@ impl Route {
         }
     }
 
-    /// Index of the current stop.
+    /// Returns the index of the current stop.
     pub fn stop(&self) -> usize {
         self.current
     }
 
-    /// Returns `true` at the last stop, after its dwell time.
+    /// Returns `true` if the base has reached the last stop and its dwell time is over.
     pub fn is_finished(&self) -> bool {
         self.stage == Stage::Finished
     }
 
-    /// Advances by a time step \[s\]; `at` is the measured pose of the base in the world.
+    /// Advances by a time step `dt` \[s\] and returns the command. `at` is the measured pose of the base in
+    /// the world.
     pub fn step(&mut self, at: Place, dt: f64) -> RouteStep {
         self.elapsed += dt;
         let mut stopped = None;

@@ -40,23 +40,23 @@ use crate::profile::MotionLimits;
 #[cfg(doc)]
 use crate::profile::Profile;
 
-/// A planar pose or velocity; x points ahead and y to the left in the axes of the base.
+/// A planar pose or velocity. For a velocity in base axes, x points ahead and y to the left.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Place {
-    /// Along x \[m, m/s\].
+    /// Position or velocity along x \[m, m/s\].
     pub x: f64,
-    /// Along y \[m, m/s\].
+    /// Position or velocity along y \[m, m/s\].
     pub y: f64,
-    /// About z \[rad, rad/s\].
+    /// Angle or angular velocity about z \[rad, rad/s\].
     pub yaw: f64,
 }
 
-/// A pose to reach.
+/// A pose to be reached by a wheeled base.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stop {
     /// Position in the world \[m\].
     pub position: [f64; 2],
-    /// Angle about z \[rad\]. Without it, the base keeps its angle of arrival.
+    /// Angle about z \[rad\]. With `None`, the base keeps its angle of arrival.
     pub yaw: Option<f64>,
     /// Dwell time \[s\].
     pub dwell: f64,
@@ -65,24 +65,25 @@ pub struct Stop {
 /// Limits, gains and tolerances of a route.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RouteSettings {
-    /// Limits of driving \[m\].
+    /// Limits of the driving motion \[m\].
     pub drive: MotionLimits,
-    /// Limits of the angle \[rad\].
+    /// Limits of rotation \[rad\].
     pub turn: MotionLimits,
     /// `true` for a base that can move sideways.
     pub sideways: bool,
-    /// Correction of the position \[1/s\].
+    /// Gain of the position correction \[1/s\].
     pub gain: f64,
-    /// Correction of the angle \[1/s\].
+    /// Gain of the angle correction \[1/s\].
     pub turn_gain: f64,
     /// Distance within which a base that cannot move sideways returns to its line \[m\].
     pub length: f64,
-    /// Position \[m\] and angle \[rad\] tolerances within which a stage is over after its profile has ended.
+    /// Tolerances of position \[m\] and angle \[rad\]. A stage ends once its profile has ended and the base
+    /// is within both.
     pub arrival: [f64; 2],
-    /// Maximum time that a stage waits for the tolerances after its profile \[s\]. Then the route continues
-    /// anyway.
+    /// Maximum time that a stage waits for the tolerances after its profile has ended \[s\]. The route then
+    /// continues in any case.
     pub grace: f64,
-    /// `true` for a route that repeats after its last stop.
+    /// `true` if the route repeats after its last stop.
     pub forever: bool,
 }
 
@@ -106,15 +107,15 @@ impl Default for RouteSettings {
 /// Result of one step of a route.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RouteStep {
-    /// Velocity in the axes of the base.
+    /// Commanded velocity in the axes of the base.
     pub command: Place,
-    /// Desired pose, if the base is about to leave a stop or stays at the last one.
+    /// Desired pose of the stop that the base is about to leave, or of the last stop; `None` otherwise.
     pub stopped: Option<Place>,
     /// Distance of the base from its straight line \[m\].
     pub beside: Option<f64>,
 }
 
-/// The difference of two angles, from -pi to pi.
+/// Returns the difference of two angles, in the range -pi to pi \[rad\].
 pub fn turn_between(from: f64, to: f64) -> f64 {
     let turn = (to - from).rem_euclid(std::f64::consts::TAU);
     if turn > std::f64::consts::PI { turn - std::f64::consts::TAU } else { turn }

@@ -254,9 +254,9 @@ fn invalid_commands_leave_the_movement_unchanged() {
     let before = format!("{dmp:?}");
     let error = dmp.start(&[0.0], &[1.0, 1.0], 1.0).unwrap_err();
     assert_eq!(error, MoveError::Dimensions { name: "start", found: 1, expected: 2 });
-    assert_eq!(error.to_string(), "start has 1 entries, the primitive 2 dimensions");
+    assert_eq!(error.to_string(), "start has 1 entries, expected 2, one per dimension of the primitive");
     let error = dmp.start(&[0.0, 0.0], &[1.0, f64::NAN], 1.0).unwrap_err();
-    assert_eq!(error.to_string(), "goal holds NaN, expected finite numbers only");
+    assert_eq!(error.to_string(), "goal contains NaN, expected only finite numbers");
     assert_eq!(dmp.set_duration(0.0).unwrap_err(), MoveError::Duration { found: 0.0 });
     assert!(dmp.set_goal(&[f64::INFINITY, 0.0]).is_err());
     dmp.step(f64::NAN);

@@ -82,7 +82,7 @@ fn floor_prevents_collapse_onto_a_sample() {
     assert_eq!(error, GmmError::TooFew { samples: 2, components: 3 });
     samples[(3, 1)] = f64::NAN;
     assert!(
-        Gmm::fit(&samples, 2, &GmmFit::default()).unwrap_err().to_string().contains("sample 3 holds NaN")
+        Gmm::fit(&samples, 2, &GmmFit::default()).unwrap_err().to_string().contains("sample 3 contains NaN")
     );
 }
 

@@ -205,7 +205,7 @@ fn replaced_goals_and_later_first_segments_are_followed() {
     assert_eq!(reach.phase(), ReachPhase::Finished);
     assert!(position_error(&reach) < 1e-5 && orientation_error(&reach) < 1e-9);
     let error = reach.set_goal(3, goal).unwrap_err();
-    assert_eq!(error.to_string(), "there is no segment 3: there are 3, counted from 0");
+    assert_eq!(error.to_string(), "there is no segment 3, expected an index below 3");
 }
 
 #[test]
@@ -215,7 +215,7 @@ fn reach_waits_for_its_start() {
     assert_eq!((reach.phase(), reach.goals_set()), (ReachPhase::Waiting, 0));
     assert_eq!(reach.redirect(home()).unwrap_err(), SteerError::NotStarted);
     let error = reach.start(pose([f64::NAN, 0.0, 0.0], [0.0; 3])).unwrap_err().to_string();
-    assert_eq!(error, "the pose to start from holds NaN, expected finite numbers only");
+    assert_eq!(error, "the pose to start from contains NaN, expected only finite numbers");
     assert_eq!(reach.phase(), ReachPhase::Waiting);
 }
 

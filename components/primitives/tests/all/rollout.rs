@@ -146,7 +146,10 @@ fn unsupported_overrides_are_rejected() {
     let refused =
         |file: &PrimitiveFile, overrides: Override| roll_out(file, &overrides, 0.01).unwrap_err().to_string();
     let error = refused(&discrete(Variant::Classic), Override { via: vec![via], ..Override::default() });
-    assert!(error.starts_with("a discrete primitive has a start, a goal and a duration: no via"), "{error}");
+    assert!(
+        error.starts_with("a discrete primitive accepts a start, a goal and a duration, but no via"),
+        "{error}"
+    );
     let error = refused(&rhythm(), Override { final_velocity: Some(vec![1.0]), ..Override::default() });
     assert!(error.starts_with("a rhythmic primitive"), "{error}");
     let error = refused(&distribution(), Override { periods: Some(1.0), ..Override::default() });

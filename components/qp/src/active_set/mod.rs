@@ -91,8 +91,8 @@ impl ActiveSetSolver {
         self.settings.max_iterations = most;
     }
 
-    /// Returns the rows and bounds of the working set with their multipliers, as left by the last solve, even
-    /// if it failed.
+    /// Returns the rows and bounds of the working set with their multipliers after the last solve, even if
+    /// that solve failed.
     pub fn working_set(&self) -> impl Iterator<Item = (Constraint, f64)> {
         let (m, p) = (self.problem.equality_value.len(), self.problem.row_lower.len());
         self.work.working.members.iter().filter(move |member| member.constraint >= m).map(move |member| {
@@ -102,8 +102,8 @@ impl ActiveSetSolver {
         })
     }
 
-    /// Warm-starts the next solve with these rows and bounds and their multipliers instead of the previous
-    /// ones. They affect the number of iterations but not the solution; use values from a similar problem.
+    /// Sets the initial working set of the next solve: rows and bounds with their multipliers, such as from a
+    /// similar problem. The initial working set affects the number of iterations but not the solution.
     ///
     /// ```
     /// use motorium_qp::{ActiveSetSettings, ActiveSetSolver, Problem};

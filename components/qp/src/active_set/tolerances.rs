@@ -15,7 +15,7 @@
 //! - The minimum has lost its significant digits: `refinements`, `converged`, `exact`, `gross`.
 //! - Rounding looks like infeasibility: `conflict`, `far`, `out_of_reach`, `nearly`.
 
-/// Defines [`Tolerances`] with the value of each next to its description.
+/// Defines [`Tolerances`] from a list of fields with their values.
 macro_rules! tolerances {
     ( $( $(#[$doc:meta])* $name:ident: $type:ty = $value:expr; )* ) => {
         /// Tolerances of the active-set method.
@@ -29,23 +29,23 @@ macro_rules! tolerances {
 }
 
 tolerances! {
-    /// Smallest fraction of a diagonal entry that the factorisation of a positive definite Hessian leaves.
-    /// With a smaller one the Hessian counts as singular and is shifted.
+    /// Minimum pivot of the factorisation of a positive definite Hessian, as a fraction of its diagonal
+    /// entry. A Hessian with a smaller pivot counts as singular and is shifted.
     singular: f64 = 1e-12;
-    /// Ratio of the smallest to the largest entry of the factor below which a failure is not trusted: a
-    /// second attempt in well-conditioned steps decides.
+    /// Ratio of the smallest to the largest entry of the factor below which a failure is not trusted. A
+    /// second attempt in well-conditioned steps then decides.
     poor: f64 = 1e-3;
     /// Initial shift of a singular Hessian, as a fraction of the largest diagonal entry.
     first_shift: f64 = 1e-4;
     /// Number of rounds with the same shift.
     rounds_per_shift: usize = 10;
-    /// Factor from one shift to the next.
+    /// Factor by which each shift reduces the previous one.
     lower_shift: f64 = 0.1;
-    /// Largest number of rounds.
+    /// Maximum number of rounds.
     rounds: usize = 60;
     /// Change of the solution between rounds below which the rounds end.
     close: f64 = 1e-10;
-    /// Force of the proximal term, relative to the terms of the cost gradient, that counts as rounding. It
+    /// Force of the proximal term that counts as rounding, relative to the terms of the cost gradient. It
     /// ends rounds that drift along a nearly flat cost.
     no_force: f64 = 1e-12;
     /// Force below which the last round is a solution of reduced accuracy.
@@ -55,10 +55,11 @@ tolerances! {
     recession: f64 = 1e-9;
     /// Length of the remainder of a projection below which a constraint depends on the members.
     dependent: f64 = 1e-10;
-    /// Squared pivot of the Gram matrix below which the bulk adoption ends and the rest is examined one by
-    /// one.
+    /// Squared pivot of the Gram matrix below which the bulk adoption ends; the remaining members are
+    /// examined one by one.
     weak: f64 = 1e-7;
-    /// Ratio of the remainder's length to the constraint's below which the projection is repeated.
+    /// Length of the remainder relative to the length of the constraint, below which the projection is
+    /// repeated.
     repeat: f64 = 0.3;
     /// Disagreement between a constraint and the members on which it depends, above which they contradict
     /// each other.
@@ -75,12 +76,12 @@ tolerances! {
     /// Violation that may be rounding: a constraint that was added because of it and leaves without a step
     /// counts as implied.
     tie: f64 = 1e-8;
-    /// Fraction of the terms of a sum that counts as rounding: a row violated by less is satisfied.
+    /// Fraction of the terms of a sum that counts as rounding. A row violated by less counts as satisfied.
     sum: f64 = 1e-14;
-    /// Number of constraints that may be added and dropped without a step before the arithmetic counts as
-    /// broken down.
+    /// Number of constraints that may be added and dropped without a step. Beyond this number the arithmetic
+    /// counts as broken down.
     degenerate_steps: u32 = 8;
-    /// Largest number of refinements of a candidate.
+    /// Maximum number of refinements of a candidate.
     refinements: usize = 4;
     /// Correction, relative to the solution, at which the refinement ends.
     converged: f64 = 1e-7;
@@ -91,8 +92,8 @@ tolerances! {
     /// Multiple of the magnitude of the first minimum (at least one) up to which a certificate of
     /// infeasibility must exclude every `x` along unbounded variables.
     far: f64 = 1e6;
-    /// Multiple of the same magnitude beyond which no minimum is sought if a constraint is `nearly` a
-    /// combination of members.
+    /// Multiple of the magnitude of the first minimum (at least one) beyond which no minimum is sought if a
+    /// constraint is `nearly` a combination of members.
     out_of_reach: f64 = 1e4;
     /// Squared remainder below which a constraint is nearly a combination of members.
     nearly: f64 = 1e-6;

@@ -15,9 +15,9 @@ use crate::{Constraint, Problem, Side, Sides, Solution, Structure};
 /// Three variables of a problem that form a contact force within its friction cone: `|(x_t, x_u)| <= mu x_n`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FrictionCone {
-    /// The variables `t` and `u` of the tangential force.
+    /// Indices of the variables `t` and `u` of the tangential force.
     pub tangents: [usize; 2],
-    /// The variable `n` of the normal force.
+    /// Index of the variable `n` of the normal force.
     pub normal: usize,
 }
 

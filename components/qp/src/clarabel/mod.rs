@@ -23,15 +23,15 @@ use layout::{Layout, Scaling};
 /// Stopping criteria of Clarabel, which apply to the problem scaled to numbers around one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ClarabelSettings {
-    /// Largest duality gap, absolute or relative. Default 1e-11.
+    /// Maximum duality gap, absolute or relative. Default 1e-11.
     pub gap: f64,
-    /// Largest relative residual of the constraints and of stationarity. Default 1e-9.
+    /// Maximum relative residual of the constraints and of stationarity. Default 1e-9.
     pub feasibility: f64,
-    /// Largest number of iterations. Default 50.
+    /// Maximum number of iterations. Default 50.
     pub max_iterations: u32,
-    /// Iterative refinement of each linear solve. Default true. It costs a third of the time of a small
-    /// problem. In return residuals are up to a thousand times smaller, and nearly singular Hessians are
-    /// handled robustly.
+    /// `true` refines each linear solve iteratively. Default true. This adds about a third to the time of a
+    /// small problem. In return, residuals are up to a thousand times smaller, and nearly singular Hessians
+    /// are handled robustly.
     pub refinement: bool,
 }
 
@@ -114,10 +114,11 @@ impl ClarabelSolver {
         Self::with_cones(structure, Vec::new(), settings)
     }
 
-    /// Like [`new`](Self::new), with friction cones. They are disabled until they receive a coefficient.
+    /// Like [`new`](Self::new), with friction cones. Each cone is disabled until
+    /// [`set_friction`](Self::set_friction) gives it a coefficient.
     ///
     /// # Panics
-    /// If a variable does not exist or is in two cones.
+    /// If a variable index is out of range or used by two cones.
     pub fn with_cones(structure: Structure, cones: Vec<FrictionCone>, settings: ClarabelSettings) -> Self {
         let friction = vec![None; cones.len()];
         let layout = Layout::new(&structure, cones);
@@ -149,10 +150,11 @@ impl ClarabelSolver {
         }
     }
 
-    /// Sets the coefficient of a friction cone from the next update on, at least 0; `None` disables the cone.
+    /// Sets the coefficient of a friction cone (at least 0), effective from the next update. `None` disables
+    /// the cone.
     ///
     /// # Panics
-    /// If the cone does not exist.
+    /// If `cone` is out of range.
     pub fn set_friction(&mut self, cone: usize, friction: Option<f64>) {
         self.friction[cone] = friction.map(|friction| friction.max(0.0));
     }
@@ -162,8 +164,8 @@ impl ClarabelSolver {
         &self.solution
     }
 
-    /// Calls `visit` with each active inequality and cone. A constraint is active if its multiplier exceeds
-    /// the distance to its surface, both scaled; an interior-point method leaves neither at zero.
+    /// Calls `visit` with each active inequality and cone. A constraint is active if its scaled multiplier
+    /// exceeds its scaled distance to `x`. An interior-point method leaves neither at zero.
     pub fn visit_active(&self, visit: &mut dyn FnMut(Constraint)) {
         let found = &self.solver.solution;
         let (first, linear) = (self.structure.equality_count(), self.layout.linear_count());

@@ -28,7 +28,7 @@ use serde::Deserialize;
 
 use super::{Problem, Sides, Structure};
 
-/// Errors of reading recorded problems.
+/// Error reading recorded problems.
 #[derive(Debug, thiserror::Error)]
 pub enum RecordedError {
     /// The file is not JSON of the expected form.
@@ -37,7 +37,7 @@ pub enum RecordedError {
     /// A token is not a JSON number.
     #[error("`{word}` at line {line} column {column}, expected a finite number; write infinity as 1e20")]
     NoNumber {
-        /// The token.
+        /// Text of the token.
         word: &'static str,
         /// Line of the token, from 1.
         line: usize,
@@ -47,13 +47,13 @@ pub enum RecordedError {
     /// The list is empty.
     #[error("the list is empty, expected at least one problem")]
     Empty,
-    /// A problem without variables.
+    /// A problem has no variables.
     #[error("problem {problem}: `q` is empty, expected one number per variable")]
     NoVariables {
         /// Number of the problem, from 0.
         problem: usize,
     },
-    /// The matrix is not symmetric.
+    /// The matrix `P` is not symmetric.
     #[error(
         "problem {problem}: `P` has {upper} in row {row}, column {column} and {lower} on the other side of the diagonal, expected a \
          symmetric matrix, or zeros below the diagonal; rows and columns count from 0"
@@ -61,13 +61,13 @@ pub enum RecordedError {
     Asymmetric {
         /// Number of the problem, from 0.
         problem: usize,
-        /// Row above the diagonal.
+        /// Row of the entry above the diagonal.
         row: usize,
-        /// Column right of the diagonal.
+        /// Column of the entry above the diagonal.
         column: usize,
-        /// Number above the diagonal.
+        /// Entry above the diagonal.
         upper: f64,
-        /// Number below the diagonal.
+        /// Entry below the diagonal.
         lower: f64,
     },
     /// A matrix or vector has an inconsistent size.
@@ -75,7 +75,7 @@ pub enum RecordedError {
     Size {
         /// Number of the problem, from 0.
         problem: usize,
-        /// The key.
+        /// Key of the matrix or vector.
         key: &'static str,
         /// The size in the file.
         found: String,
@@ -142,7 +142,8 @@ pub fn read_streams(text: &str) -> Result<Vec<Stream>, RecordedError> {
     Ok(streams.into_iter().map(|(_, problems)| stream(problems)).collect())
 }
 
-/// Reads the problems of a file, all of one size, and returns them with their common structure.
+/// Reads the problems of a file, which must all have the same size, and returns them with their common
+/// structure.
 ///
 /// ```
 /// use motorium_qp::recorded;

@@ -32,14 +32,14 @@ pub enum Status {
     Refused,
 }
 
-/// Result of one problem of a replay.
+/// Outcome of one problem of a replay.
 #[derive(Clone, Debug, Serialize)]
 pub struct Each {
-    /// The outcome.
+    /// Outcome of the solve.
     pub status: Status,
-    /// The solution; empty if there is none.
+    /// Solution; empty if the solve failed.
     pub x: Vec<f64>,
-    /// The error message.
+    /// Error message; `None` if the problem was solved.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub error: Option<String>,
 }
@@ -75,20 +75,20 @@ pub struct Replay {
     pub solved: usize,
     /// Largest constraint violation of a solution, in the constraint's own unit.
     pub worst_violation: f64,
-    /// Largest difference of a solution's entry from the reference: Clarabel's solution, polished on its
-    /// active constraints.
+    /// Largest difference of any entry of a solution from the reference, which is Clarabel's solution,
+    /// polished on its active constraints.
     pub worst_distance: f64,
     /// Iterations per solve.
     pub iterations: Record,
     /// Time to update and solve a problem \[us\].
     pub time_us: Record,
-    /// Results of the individual problems.
+    /// Outcomes of the individual problems, if recorded.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub each: Option<Vec<Each>>,
 }
 
-/// Solves the problems in order, `rounds` times; with more than one round, the first is warm-up. Times cover
-/// the other rounds, accuracy the last.
+/// Solves the problems in order, `rounds` times. With more than one round, the first is warm-up. Times cover
+/// the other rounds; accuracy covers the last round.
 pub fn replay(
     structure: &Structure,
     problems: &[Problem],

@@ -4,15 +4,16 @@ use std::f64::consts::{PI, SQRT_2, TAU};
 
 use serde::{Deserialize, Serialize};
 
-/// The function that the next point maximises. Rewards are standardised, so margins are in standard
+/// Function whose maximum is the next point to evaluate. Rewards are standardised, so margins are in standard
 /// deviations of the rewards.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Acquisition {
-    /// Expected improvement on the best reward beyond a margin, from 0. The default, with a margin of 0.01.
+    /// Expected improvement over the best reward plus a margin, at least 0. The default, with a margin of
+    /// 0.01.
     ExpectedImprovement(f64),
-    /// Mean plus this number of standard deviations, from 0. A common value is 2.576.
+    /// Mean plus this number of standard deviations, at least 0. A common value is 2.576.
     UpperConfidence(f64),
-    /// Probability of exceeding the best reward by more than a margin, from 0. A common value is 0.01.
+    /// Probability of exceeding the best reward plus a margin, at least 0. A common margin is 0.01.
     ProbabilityOfImprovement(f64),
 }
 

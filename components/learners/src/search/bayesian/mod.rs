@@ -22,14 +22,14 @@ const METHOD: &str = "bayesian-optimisation";
 /// Bounds of the noise variance, in units of the variance of the rewards.
 const NOISE: [f64; 2] = [1e-6, 1.0];
 
-/// Expected smoothness of the rewards: the kernel of the model.
+/// Expected smoothness of the rewards, which selects the kernel of the model.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Smoothness {
-    /// Matern with `nu = 5/2`: twice differentiable.
+    /// Matern kernel with `nu = 5/2`: twice differentiable.
     #[default]
     Matern52,
-    /// Radial basis function: infinitely smooth.
+    /// Radial basis function kernel: infinitely differentiable.
     Rbf,
 }
 
@@ -51,14 +51,15 @@ pub struct BayesianSettings {
     /// Kernel of the model. Default: Matern 5/2.
     #[serde(default)]
     pub smoothness: Smoothness,
-    /// Number of quasi-random points before the first model, from 1. Default 5.
+    /// Number of quasi-random points before the first model, at least 1. Default 5.
     pub initial: usize,
-    /// Number of points at which the acquisition is evaluated before the local search, from 1. Default 2000.
+    /// Number of points at which the acquisition function is evaluated before the local search, at least 1.
+    /// Default 2000.
     pub points: usize,
-    /// Number of best points that a local search improves, from 1. Default 5.
+    /// Number of the best of these points that a local search improves, at least 1. Default 5.
     pub starts: usize,
-    /// Number of rewards between two fits of the hyperparameters, from 1. Default 5. In between, each reward
-    /// is added to the model in `O(n^2)`.
+    /// Number of rewards between two fits of the hyperparameters, at least 1. Default 5. In between, each
+    /// reward is added to the model in `O(n^2)`.
     pub refit: usize,
 }
 
@@ -81,11 +82,11 @@ type Feasible = Arc<dyn Fn(&[f64]) -> bool + Send + Sync>;
 /// A search that models the reward by a Gaussian process and evaluates the point with the largest
 /// [`Acquisition`].
 ///
-/// The process has a Matern 5/2 kernel (or another [`Smoothness`]) with one length scale per parameter, for
-/// parameters in the unit box and standardised rewards. Its hyperparameters maximise the marginal likelihood
-/// with log-normal priors: length scales around 0.5 and a variance around 1, both with a standard deviation
-/// of 1 in the logarithm. Simultaneous candidates are chosen one after the other, each as if the pending
-/// candidates had returned their predicted mean.
+/// The process has a Matern 5/2 kernel (or another [`Smoothness`]) with one length scale per parameter.
+/// Parameters are scaled to the unit box, and rewards are standardised. The hyperparameters maximise the
+/// marginal likelihood with log-normal priors: length scales around 0.5 and a variance around 1, both with a
+/// standard deviation of 1 in the logarithm. Simultaneous candidates are chosen one after the other, each as
+/// if the pending candidates had returned their predicted mean.
 ///
 /// Sources: Snoek, Larochelle, Adams, *Practical Bayesian optimization of machine learning algorithms*, NIPS
 /// 2012; whole numbers after Garrido-Merchan, Hernandez-Lobato, *Dealing with categorical and integer-valued
@@ -152,7 +153,7 @@ impl core::fmt::Debug for BayesianOptimisation {
 }
 
 impl BayesianOptimisation {
-    /// Creates a search within bounds, one pair per parameter.
+    /// Creates a search within bounds, with one pair of bounds per parameter.
     ///
     /// # Errors
     ///
@@ -182,7 +183,8 @@ impl BayesianOptimisation {
         })
     }
 
-    /// Restricts parameters to whole numbers, one flag per parameter. The model sees only rounded parameters.
+    /// Restricts parameters to whole numbers; `whole` contains one flag per parameter. The model sees only
+    /// rounded parameters.
     ///
     /// # Errors
     ///
@@ -205,7 +207,7 @@ impl BayesianOptimisation {
     }
 
     /// Restricts candidates to parameters for which `feasible` returns `true`. The constraint is not part of
-    /// saved states. If none of the evaluated points satisfies it, [`ask`](Search::ask) returns no candidate.
+    /// saved states. If none of the sampled points satisfies it, [`ask`](Search::ask) returns no candidate.
     #[must_use]
     pub fn with_constraint(mut self, feasible: impl Fn(&[f64]) -> bool + Send + Sync + 'static) -> Self {
         self.feasible = Some(Arc::new(feasible));

@@ -25,7 +25,7 @@ with_defaults! {
 
     /// Prediction horizon.
     pub horizon: HorizonConfig = HorizonConfig::default();
-    /// Time between two solutions; forces are constant in between. Default: one solution per step.
+    /// Interval between two solutions; forces are constant in between. Default: one solution per step.
     pub solve_every: Option<TimeSpan> = None;
     /// Gait. Default: all feet stand.
     pub gait: Option<GaitConfig> = None;
@@ -35,27 +35,27 @@ with_defaults! {
     pub landing: LandingConfig = LandingConfig::default();
     /// Weights of the cost terms.
     pub weights: WeightsConfig = WeightsConfig::default();
-    /// Velocity if the input `target` is not connected, in heading axes: forward and left, m/s, and about the
-    /// vertical, rad/s. Default 0.
+    /// Commanded velocity if the input `target` is not connected, in heading axes: forward and left, m/s, and
+    /// about the vertical, rad/s. Default 0.
     pub velocity: [f64; 3] = [0.0; 3];
-    /// Largest acceleration of the reference, m/s2, and rad/s2 about the vertical, 1e-3 to 1000. Default 1.
+    /// Maximum acceleration of the reference, m/s2, and rad/s2 about the vertical, 1e-3 to 1000. Default 1.
     pub acceleration: f64 = 1.0;
     /// Height of the centre of mass above the ground, m, at least 1e-3. Default: the height in the home pose.
     pub height: Option<f64> = None;
     /// Maximum horizontal distance between the reference and the measured centre of mass, m, 1e-3 to 10.
     /// Default 0.05.
     pub max_lead: f64 = 0.05;
-    /// Largest angle between the reference and the measured heading, rad, 1e-3 to 3. Default 0.3.
+    /// Maximum angle between the reference and the measured heading, rad, 1e-3 to 3. Default 0.3.
     pub max_turn: f64 = 0.3;
     /// Coefficient of friction of all feet, 1e-3 to 10. Default: each foot's value in the profile, or 0.6.
     pub friction: Option<f64> = None;
-    /// Largest normal force at a point of a foot, N, from 1e-3. Default: twice the robot's weight.
+    /// Maximum normal force at a point of a foot, N, at least 1e-3. Default: twice the robot's weight.
     pub max_force: Option<f64> = None;
     /// Gravity along z of the world, m/s2, below 0. Default: the value in `[world]`, or -9.81.
     pub gravity: [f64; 3] = [0.0, 0.0, -9.81];
     /// Maximum age of the robot state. The planner publishes no plan from an older state. Default 20 ms.
     pub state_timeout: TimeSpan = TimeSpan { ns: 20_000_000 };
-    /// Age beyond which a target counts as zero. Default 100 ms.
+    /// Age beyond which a target counts as zero velocity. Default 100 ms.
     pub target_timeout: TimeSpan = TimeSpan { ns: 100_000_000 };
 }
 
@@ -88,7 +88,7 @@ pub struct GaitConfig {
     /// Height of a foot at mid-swing, m, 0 to 10. Default 0.05.
     #[serde(default = "clearance")]
     pub clearance: f64,
-    /// Largest correction of a foothold against a velocity error, m, 0 to 10. Default 0.1.
+    /// Maximum correction of a foothold against a velocity error, m, 0 to 10. Default 0.1.
     #[serde(default = "most")]
     pub max_capture: f64,
     /// Duration over which a foot is loaded after touchdown and unloaded before lift-off. Default 10 ms.
@@ -125,11 +125,11 @@ fn ramp() -> TimeSpan {
 pub enum GroundConfig {
     /// Level, at the mean height of the stance feet.
     Level,
-    /// A plane fitted by least squares to the last stance positions of the feet. The base is kept parallel to
-    /// it.
+    /// A plane fitted by least squares to the last stance position of each foot. The base is kept parallel to
+    /// the plane.
     Fitted(FittedConfig),
-    /// A plane with this normal, of any length, in world axes, through the stance feet. The base is kept
-    /// parallel to it.
+    /// A plane through the stance feet with this normal, of any length, in world axes. The base is kept
+    /// parallel to the plane.
     Normal([f64; 3]),
 }
 
@@ -139,7 +139,7 @@ with_defaults! {
     #[serde(default, deny_unknown_fields)]
     pub struct FittedConfig;
 
-    /// Time constant of the height and the slopes. Default 200 ms.
+    /// Time constant with which the height and slopes of the plane are smoothed. Default 200 ms.
     pub smoothing: TimeSpan = TimeSpan { ns: 200_000_000 };
 }
 
@@ -149,13 +149,14 @@ with_defaults! {
     #[serde(default, deny_unknown_fields)]
     pub struct LandingConfig;
 
-    /// Fraction of a swing after which a contact ends it, 0 to 1; 1 for never. Default 0.5.
+    /// Fraction of a swing after which a contact ends the swing, 0 to 1; 1 disables early touchdown. Default
+    /// 0.5.
     pub early_from: f64 = Landing::default().early_from;
     /// Speed at which a foot without contact at the end of its swing is lowered to find the ground, m/s, 0
     /// to 10. Default 0.3.
     pub search_speed: f64 = Landing::default().search_speed;
-    /// Maximum duration of the search for the ground; then the foot counts as standing. Default 80 ms; 0
-    /// disables the search.
+    /// Maximum duration of the search for the ground, after which the foot counts as standing. Default 80 ms;
+    /// 0 disables the search.
     pub search_for: TimeSpan = TimeSpan { ns: (1e9 * Landing::default().search_for).round() as u64 };
 }
 
@@ -173,8 +174,8 @@ with_defaults! {
     pub angular_velocity: [f64; 3] = MpcWeights::default().angular_velocity.into();
     /// Weight of the velocity of the centre of mass, 1/(m/s), 0 to 1e4. Default 0.5, 0.5, 0.5.
     pub velocity: [f64; 3] = MpcWeights::default().velocity.into();
-    /// Weight of the deviation of a force from its share of the weight, in units of the robot's weight, 1e-6
-    /// to 1e4. Default 0.5.
+    /// Weight of the deviation of each force from an equal distribution of the robot's weight, in units of
+    /// that weight, 1e-6 to 1e4. Default 0.5.
     pub force: f64 = MpcWeights::default().force;
 }
 

@@ -18,9 +18,9 @@ use setup::MpcSetup;
 /// Plans contact forces, contacts and swing motions of a legged robot that follows a velocity command, by
 /// model-predictive control of the centroidal motion ([`LegPlanner`]).
 ///
-/// The planner starts with the first state, standing on all feet. Without a fresh state it publishes no plan,
-/// so subscribers see a stale one; it restarts with the next state. If the solver finds no solution for a
-/// horizon, the previous forces are kept.
+/// The planner starts with the first robot state, standing on all feet. Without a fresh state it publishes no
+/// plan, so that subscribers detect a stale plan; it restarts with the next fresh state. If the solver finds
+/// no solution for a horizon, the previous forces are kept.
 pub struct MpcPlanner {
     measured: MeasuredState,
     target: Input<TwistTarget>,
@@ -80,7 +80,7 @@ impl Component for MpcPlanner {
         } else {
             declare.input::<FootContacts>("feet", "measured contacts of the feet, used by `landing`");
         }
-        let doc = "share of its load that each foot may carry, and the normal of the ground";
+        let doc = "fraction of its load that each foot may carry, and the normal of the ground";
         declare.output::<ContactSchedule>("contact_schedule", doc);
         let doc = "position and velocity of the centre of mass in the world at the end of the step";
         declare.output::<PoseTarget>("centre_of_mass_target", doc);
@@ -92,7 +92,7 @@ impl Component for MpcPlanner {
             let doc = format!("pose and velocity of the foot `{name}` in the world; each swing is a goal");
             declare.output::<PoseTarget>(&format!("{name}_target"), &doc);
         }
-        declare.boolean("strides", true, "true: it walks by its gait; false: it stands on all feet");
+        declare.boolean("strides", true, "true: the robot walks with its gait; false: it stands on all feet");
         declare.float("speed_factor", 1.0, 0.0..=1.0, "", "factor of the target velocity");
         Ok(())
     }

@@ -24,7 +24,7 @@ pub enum Function {
     Softsign,
 }
 
-/// Runs a loop with the function as a constant, so that it vectorises.
+/// Runs a loop with the function as a constant, so that the compiler vectorises it.
 macro_rules! with_constant {
     ($function:expr, $constant:ident => $body:expr) => {
         match $function {
@@ -178,12 +178,12 @@ impl Function {
     }
 }
 
-/// Applies a function to each number of rows of `width`.
+/// A layer that applies a function to each number of rows of `width`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Activation {
     /// Number of values per row.
     pub width: usize,
-    /// The function.
+    /// Function applied to each number.
     pub function: Function,
 }
 

@@ -3,19 +3,19 @@
 use super::{Backward, Forward, Layer};
 use crate::arithmetic::Real;
 
-/// A convolution. A row is an image (channels, height, width). Parameters: kernels (outputs, channels, kernel
-/// height, kernel width), then one bias for each output channel.
+/// A convolution layer. A row is an image (channels, height, width). Parameters: kernels (outputs, channels,
+/// kernel height, kernel width), then one bias for each output channel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Convolution {
-    /// Input channels.
+    /// Number of input channels.
     pub channels: usize,
-    /// Output channels.
+    /// Number of output channels.
     pub filters: usize,
     /// Height and width of the input \[px\].
     pub size: [usize; 2],
-    /// Height and width of the kernel \[px\], at most the padded input.
+    /// Height and width of the kernel \[px\]. Must not exceed the padded input.
     pub kernel: [usize; 2],
-    /// Step of the kernel \[px\], at least 1.
+    /// Stride of the kernel \[px\], at least 1.
     pub stride: usize,
     /// Width of the zero padding around the image \[px\].
     pub padding: usize,

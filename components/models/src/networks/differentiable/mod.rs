@@ -47,9 +47,9 @@ pub struct Forward<'a, T> {
     pub parameters: &'a [T],
     /// Rows of inputs.
     pub input: &'a [T],
-    /// Rows of outputs; written.
+    /// Rows of outputs, to be written.
     pub output: &'a mut [T],
-    /// Numbers stored for the backward pass: [`Layer::trace`] for each row.
+    /// Values stored for the backward pass, [`Layer::trace`] per row.
     pub trace: &'a mut [T],
 }
 
@@ -66,13 +66,13 @@ pub struct Backward<'a, T> {
     pub trace: &'a [T],
     /// Gradient of the loss with respect to the outputs.
     pub gradient: &'a [T],
-    /// Gradient with respect to the inputs; written.
+    /// Gradient of the loss with respect to the inputs, to be written.
     pub input_gradient: &'a mut [T],
-    /// Gradient with respect to the parameters; accumulated.
+    /// Gradient of the loss with respect to the parameters, to which the result is added.
     pub parameter_gradient: &'a mut [T],
 }
 
-/// A differentiable function of rows.
+/// A differentiable function that is applied to rows of numbers.
 pub trait Layer {
     /// Returns the number of values in a row of inputs.
     fn inputs(&self) -> usize;

@@ -3,8 +3,8 @@
 use super::{Backward, Forward, Layer};
 use crate::arithmetic::Real;
 
-/// Normalises each row to mean 0 and variance 1, then applies a factor and an offset for each column (the
-/// parameters, in this order).
+/// A layer that normalises each row to mean 0 and variance 1, then applies a factor and an offset to each
+/// column. Parameters: all factors, then all offsets.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LayerNorm {
     /// Number of values per row.
@@ -13,9 +13,9 @@ pub struct LayerNorm {
     pub epsilon: f64,
 }
 
-/// Normalises each column to mean 0 and variance 1 over the rows of the batch, then applies a factor and an
-/// offset for each column (the parameters, in this order). For inference use running statistics, as in
-/// `BatchNormalization` of ONNX.
+/// A layer that normalises each column to mean 0 and variance 1 over the rows of the batch, then applies a
+/// factor and an offset to each column. Parameters: all factors, then all offsets. For inference use running
+/// statistics, as in `BatchNormalization` of ONNX.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BatchNorm {
     /// Number of values per row.

@@ -10,11 +10,11 @@ use crate::arithmetic::Real;
 /// biases and state biases (3 hidden each); gates in the order update, reset, candidate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Gru {
-    /// Inputs of a step, at least 1.
+    /// Number of inputs of a step, at least 1.
     pub inputs: usize,
     /// Number of units, at least 1.
     pub hidden: usize,
-    /// Steps of the sequence.
+    /// Number of steps of the sequence.
     pub steps: usize,
 }
 
@@ -26,11 +26,11 @@ pub struct Gru {
 /// gates in the order input, output, forget, cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Lstm {
-    /// Inputs of a step, at least 1.
+    /// Number of inputs of a step, at least 1.
     pub inputs: usize,
     /// Number of units, at least 1.
     pub hidden: usize,
-    /// Steps of the sequence.
+    /// Number of steps of the sequence.
     pub steps: usize,
 }
 

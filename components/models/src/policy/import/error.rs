@@ -21,7 +21,7 @@ pub(super) const TERMS: [(&str, Term); 11] = [
     ("height_scanner", Term::HeightScan),
 ];
 
-/// The policy cannot be imported.
+/// Error of importing a policy.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ImportError {
     /// The network cannot be read or compiled.
@@ -31,27 +31,27 @@ pub enum ImportError {
     #[error("no `{0}` in the metadata of the file; help: export it with mjlab, which adds it")]
     Missing(&'static str),
     /// An entry of the metadata is not a list of numbers.
-    #[error("`{key}` has \"{found}\", expected numbers separated by commas")]
+    #[error("`{key}` is \"{found}\", expected numbers separated by commas")]
     Number {
-        /// The entry.
+        /// Key of the entry.
         key: &'static str,
-        /// The text found.
+        /// Text found.
         found: String,
     },
-    /// The length of an entry of the metadata differs from the action's.
+    /// An entry of the metadata does not have one value per output of the network.
     #[error("`{key}` has {found} entries, expected {expected}, one for each output of the network")]
     Count {
-        /// The entry.
+        /// Key of the entry.
         key: &'static str,
         /// Number of entries found.
         found: usize,
         /// Number of outputs of the network.
         expected: usize,
     },
-    /// The length of a list of the metadata differs from the observation's.
+    /// A list of the metadata does not have one value per observation term.
     #[error("`{key}` has {found} entries, expected {expected}, one for each observation")]
     Terms {
-        /// The list.
+        /// Key of the list.
         key: &'static str,
         /// Number of entries found.
         found: usize,
@@ -63,23 +63,23 @@ pub enum ImportError {
     Setting {
         /// Name of the term.
         name: String,
-        /// The list of the metadata.
+        /// Key of the list in the metadata.
         key: &'static str,
-        /// The value found, the value expected, and a remedy.
+        /// Description of the value found, the value expected, and a remedy.
         message: String,
     },
-    /// The grid of the height scan is unknown, or has another number of points.
+    /// The grid of the height scan is unknown, or has a different number of points.
     #[error(
         "the height scan has {rays} points, expected {}; help: pass the points along x and y with `--height-points`",
         points.map_or_else(|| "a grid".to_owned(), |[x, y]| format!("{x} x {y}"))
     )]
     HeightPoints {
-        /// Number of points read by the network.
+        /// Number of points that the network reads.
         rays: usize,
-        /// Points along x and y.
+        /// Number of points along x and y; `None` if unknown.
         points: Option<[usize; 2]>,
     },
-    /// The factor of the height scan is unknown.
+    /// The scale of the height scan is unknown.
     #[error(
         "the file has no scale of the height scan; help: pass it with `--height-scale`: 1 / `max_distance` of the sensor in the tasks of mjlab"
     )]
@@ -89,20 +89,20 @@ pub enum ImportError {
         "the file has no height scan; help: remove `--height-points`, `--height-scale` and `--height-offset`"
     )]
     NoHeightScan,
-    /// No topic provides this observation term.
+    /// The observation term is unknown, so no topic provides it.
     #[error("observation \"{name}\" is unknown, expected one of {}", known())]
     Term {
         /// Name of the term.
         name: String,
     },
-    /// The size of the observation terms differs from the network's input.
+    /// The total size of the observation terms differs from the network's input.
     #[error(
-        "the observation terms have {expected} numbers, the network reads {found}; help: pass a history of several steps with `--history`"
+        "the observation terms have {expected} numbers, but the network reads {found}; help: pass a history of several steps with `--history`"
     )]
     Width {
         /// Size of the network's input.
         found: usize,
-        /// Size of the terms.
+        /// Total size of the observation terms.
         expected: usize,
     },
     /// An entry of a description has an unusable value.
@@ -112,10 +112,10 @@ pub enum ImportError {
         mark: Mark,
         /// Name of the entry.
         entry: String,
-        /// The value found, the value expected, and a remedy.
+        /// Description of the value found, the value expected, and a remedy.
         message: String,
     },
-    /// No topic provides this observation term or input of a network.
+    /// An observation term or input of the network is not supported, because no topic provides it.
     #[error("{mark}: observation \"{name}\" is not supported, expected one of {expected}")]
     Observation {
         /// Position of the term.
@@ -125,7 +125,7 @@ pub enum ImportError {
         /// Supported names.
         expected: String,
     },
-    /// Joints cannot be commanded by this action term or output of a network.
+    /// An action term or output of the network is not supported, because it cannot command joints.
     #[error("{mark}: action \"{name}\" is not supported, expected one of {expected}")]
     Action {
         /// Position of the term.
@@ -143,7 +143,7 @@ pub enum ImportError {
         "the {gain} of joint \"{joint}\" is unknown; help: pass the `env.yaml` of the training run, which has the gains of its actuators"
     )]
     Gains {
-        /// The gain, `stiffness` or `damping`.
+        /// Name of the gain, `stiffness` or `damping`.
         gain: &'static str,
         /// Name of the joint.
         joint: String,
@@ -171,22 +171,22 @@ pub enum ImportError {
     Checksum {
         /// Position of the file in the bundle.
         mark: Mark,
-        /// The file.
+        /// Name of the file.
         file: String,
-        /// SHA-256 of the file.
+        /// SHA-256 of the file as found.
         found: String,
-        /// SHA-256 in the bundle.
+        /// SHA-256 stated in the bundle.
         expected: String,
     },
-    /// The table does not parse.
+    /// The table with the policy does not parse.
     #[error("{0}")]
     Table(String),
     /// A key of the table is missing, misplaced or unusable.
     #[error("`{key}`: {message}")]
     Key {
-        /// The key.
+        /// Name of the key.
         key: &'static str,
-        /// The value found, and the value expected.
+        /// Description of the value found and the value expected.
         message: String,
     },
     /// A tensor is missing or has the wrong shape.
@@ -194,10 +194,10 @@ pub enum ImportError {
     Tensor {
         /// Name of the tensor.
         name: String,
-        /// The shape found and the shape expected.
+        /// Description of the shape found and the shape expected.
         message: String,
     },
-    /// The result is not a valid policy.
+    /// The imported policy is invalid.
     #[error(transparent)]
     Policy(#[from] PolicyError),
     /// The network does not match the policy.
@@ -209,30 +209,30 @@ fn known() -> String {
     TERMS.map(|(name, _)| name).join(", ")
 }
 
-/// Settings missing in the metadata of an ONNX file.
+/// Import settings that the metadata of an ONNX file lack.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ImportOptions {
     /// Rate of the policy \[Hz\].
     pub rate: f64,
-    /// Steps of history of each term; `None`: as in the file, or 1.
+    /// Number of steps of history of each term; `None` means the number in the file, or 1.
     pub history: Option<usize>,
     /// Robot for which the policy was trained.
     pub robot: Option<String>,
-    /// Points of the height scan along x and y; `None`: 17 x 11 for 187 points, the grid of mjlab's velocity
-    /// tasks.
+    /// Number of points of the height scan along x and y; `None` means 17 x 11 for 187 points, the grid of
+    /// mjlab's velocity tasks.
     pub height_points: Option<[usize; 2]>,
-    /// Factor of the height scan in a file without factors.
+    /// Factor of the height scan, for a file without factors.
     pub height_scale: Option<f64>,
-    /// Height subtracted from the height of the sensor above the surface \[m\]; `None`: 0, as in mjlab.
+    /// Offset subtracted from the height of the sensor above the surface \[m\]; `None` means 0, as in mjlab.
     pub height_offset: Option<f64>,
 }
 
-/// A position in a file, from 1.
+/// A position in a file, counted from 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Mark {
-    /// Line.
+    /// Line number.
     pub line: usize,
-    /// Column.
+    /// Column number.
     pub column: usize,
 }
 

@@ -37,7 +37,8 @@ const GROUP: &str = "policy";
 /// Maximum difference of numbers that should be equal.
 const TOLERANCE: f64 = 1e-5;
 
-/// The content of an `IO_descriptors.yaml`.
+/// Content of an `IO_descriptors.yaml`, which describes the observations and actions of a policy of Isaac
+/// Lab.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Descriptors {
     /// Action terms, in the order of the network's outputs.
@@ -46,64 +47,64 @@ pub struct Descriptors {
     pub observations: Vec<(String, Vec<ObservationDescriptor>)>,
     /// Articulated bodies of the scene.
     pub articulations: Vec<Articulation>,
-    /// Position of the times of the scene.
+    /// Position in the file of the times of the scene.
     pub scene: Mark,
     /// Period of the policy \[s\].
     pub period: f64,
     /// Time step of the simulation \[s\].
     pub time_step: f64,
-    /// Number of time steps in a period.
+    /// Number of simulation steps per period of the policy.
     pub decimation: usize,
 }
 
 /// An action term.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ActionDescriptor {
-    /// Position of the class.
+    /// Position in the file of the class.
     pub mark: Mark,
-    /// Full name of the class.
+    /// Full name of the term's class.
     pub class: String,
     /// Joint of each output.
     pub joints: Vec<String>,
-    /// Factor. Default: 1.
+    /// Factor of the output. Default: 1.
     pub scale: Option<Numbers>,
     /// Target of a zero action. Default: 0.
     pub offset: Option<Numbers>,
-    /// Bounds of the targets of each joint.
+    /// Minimum and maximum target of each joint.
     pub clip: Option<Vec<[f64; 2]>>,
 }
 
 /// An observation term.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ObservationDescriptor {
-    /// Position of the function.
+    /// Position in the file of the function.
     pub mark: Mark,
-    /// Full name of the function.
+    /// Full name of the term's function.
     pub function: String,
     /// Number of values of one step.
     pub width: usize,
-    /// Joint of each value, for terms of joints.
+    /// Joint of each value, for terms with one value per joint.
     pub joints: Option<Vec<String>>,
-    /// Subtracted positions \[rad or m\].
+    /// Positions that are subtracted from the measured positions \[rad or m\].
     pub position_offsets: Option<Vec<f64>>,
-    /// Subtracted velocities \[rad/s or m/s\].
+    /// Velocities that are subtracted from the measured velocities \[rad/s or m/s\].
     pub velocity_offsets: Option<Vec<f64>>,
-    /// Bounds before the factor.
+    /// Minimum and maximum value before the factor.
     pub clip: Option<[f64; 2]>,
-    /// Factor. Default: 1.
+    /// Factor of the value. Default: 1.
     pub scale: Option<Numbers>,
-    /// Number of steps; 0 and 1 select only the newest.
+    /// Number of steps of history; both 0 and 1 mean only the newest step.
     pub history: usize,
-    /// `true` if the steps are in a row, `false` if they are an axis.
+    /// `true` if the steps are concatenated to one row, `false` if they form an axis.
     pub is_flat: bool,
-    /// `true` if values pass through further functions.
+    /// `true` if values pass through further functions, which are not supported.
     pub has_modifiers: bool,
 }
 
 /// An articulated body.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Articulation {
-    /// Name in the scene.
+    /// Name of the body in the scene.
     pub name: String,
     /// Names of the joints.
     pub joints: Vec<String>,
@@ -115,18 +116,19 @@ pub struct Articulation {
     pub damping: Vec<f64>,
 }
 
-/// Parts of an `env.yaml` that describe the robot and the rate.
+/// Description of the robot and the rate in an `env.yaml`.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Environment {
-    /// Position of `decimation`.
+    /// Position in the file of `decimation`.
     pub mark: Mark,
-    /// Number of time steps in a period of the policy.
+    /// Number of simulation steps per period of the policy.
     pub decimation: usize,
     /// Time step of the simulation \[s\].
     pub time_step: f64,
-    /// Position of the default pose.
+    /// Position in the file of the default pose.
     pub pose: Mark,
-    /// Default positions \[rad or m\] by patterns of joint names; 0 for other joints.
+    /// Default positions \[rad or m\] by patterns of joint names. Joints that match no pattern have the
+    /// default position 0.
     pub positions: Vec<(String, f64)>,
     /// Actuators of the robot.
     pub actuators: Vec<Actuator>,
@@ -137,11 +139,11 @@ pub struct Environment {
 /// A group of joints with the same kind of drive.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Actuator {
-    /// Position of the patterns.
+    /// Position in the file of the joint patterns.
     pub mark: Mark,
     /// Name of the group.
     pub name: String,
-    /// Patterns of joint names.
+    /// Patterns that select joints by name.
     pub joints: Vec<String>,
     /// Stiffness \[Nm/rad or N/m\].
     pub stiffness: Option<Gain>,
@@ -152,9 +154,9 @@ pub struct Actuator {
 /// A gain of the joints of an actuator.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Gain {
-    /// The same for all joints.
+    /// One value for all joints.
     All(f64),
-    /// By patterns of joint names.
+    /// Values by patterns of joint names.
     Each(Vec<(String, f64)>),
 }
 
@@ -210,7 +212,7 @@ impl Environment {
     ///
     /// # Errors
     ///
-    /// [`ImportError::Environment`] with an invalid or ambiguous pattern.
+    /// [`ImportError::Environment`] if a pattern of joint names is invalid or ambiguous.
     pub fn default_pose(&self, joints: &[String]) -> Result<Vec<f64>, ImportError> {
         let position = |joint: &String| {
             let found = find(self.pose, "init_state.joint_pos", &self.positions, joint);
@@ -513,13 +515,13 @@ fn observation(
     Ok(Served { observation, order, add: 0.0 })
 }
 
-/// Creates a policy and its network from an ONNX file of Isaac Lab 2 and its descriptions. Joints are matched
-/// by name: if an observation lists them in another order than the action, the network is rewritten to read
+/// Creates a policy and its network from an ONNX file of Isaac Lab 2 and its descriptors. Joints are matched
+/// by name. If an observation lists joints in another order than the action, the network is rewritten to read
 /// them in the order of the action.
 ///
 /// # Errors
 ///
-/// [`ImportError`] with the line of the description, or the node of the network.
+/// [`ImportError`] with the line of the descriptor, or the node of the network.
 pub fn import_isaac(
     bytes: &[u8],
     descriptors: &Descriptors,

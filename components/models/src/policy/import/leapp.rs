@@ -51,16 +51,16 @@ const RUNS: usize = 16;
 /// Relative difference of outputs above which they count as dependent.
 const TOLERANCE: f32 = 1e-3;
 
-/// The content of the YAML file of a bundle.
+/// Content of the YAML file of a LEAPP bundle.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Bundle {
-    /// Networks.
+    /// Networks of the bundle.
     pub models: Vec<BundleModel>,
-    /// Position of `pipeline`.
+    /// Position in the file of `pipeline`.
     pub pipeline: Mark,
-    /// Outputs, as `model/output`, with the inputs to which they are fed back in the next run.
+    /// Outputs, as `model/output`, each with the inputs to which it is fed back for the next run.
     pub feedback: Vec<(String, Vec<String>)>,
-    /// File of the initial values of these inputs.
+    /// Path of the file with the initial values of these inputs.
     pub initial_values: Option<String>,
     /// Rate of the policy \[Hz\].
     pub frequency: Option<f64>,
@@ -69,13 +69,13 @@ pub struct Bundle {
 /// A network of a bundle.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct BundleModel {
-    /// Position of the backend.
+    /// Position in the file of the backend.
     pub mark: Mark,
     /// Name of the network.
     pub name: String,
-    /// Format of the file: `onnx`, `jit` or `pt2`.
+    /// File format of the network: `onnx`, `jit` or `pt2`.
     pub backend: String,
-    /// Path of the file.
+    /// Path of the network's file.
     pub path: String,
     /// SHA-256 of the file as hexadecimal digits.
     pub sha256: Option<String>,
@@ -88,21 +88,21 @@ pub struct BundleModel {
 /// An input or an output of a network of a bundle.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct BundlePort {
-    /// Position of the name.
+    /// Position in the file of the name.
     pub mark: Mark,
     /// Name of the tensor.
     pub name: String,
-    /// Element type.
+    /// Element type of the tensor.
     pub dtype: String,
-    /// Length along each axis.
+    /// Length of each axis.
     pub shape: Vec<usize>,
-    /// Physical quantity.
+    /// Physical quantity of the tensor.
     pub kind: Option<String>,
     /// Source or destination in Isaac Lab.
     pub connection: Option<String>,
-    /// Names along the last axis.
+    /// Names of the elements along the last axis.
     pub elements: Option<Vec<String>>,
-    /// `true` if one axis is time.
+    /// `true` if one axis represents time.
     pub is_temporal: bool,
 }
 
@@ -140,7 +140,8 @@ impl Bundle {
     ///
     /// # Errors
     ///
-    /// [`ImportError::Entry`] if there are several networks, or the network is not an ONNX file.
+    /// [`ImportError::Entry`] if the bundle does not have exactly one network, or the network is not an ONNX
+    /// file.
     pub fn model(&self) -> Result<&BundleModel, ImportError> {
         let [model] = &self.models[..] else {
             let names: Vec<&str> = self.models.iter().map(|model| &model.name[..]).collect();
@@ -161,7 +162,7 @@ impl Bundle {
     ///
     /// # Errors
     ///
-    /// [`ImportError`] if no output, or several, command joints.
+    /// [`ImportError`] if no output commands joints, or several do.
     pub fn joints(&self) -> Result<&[String], ImportError> {
         self.target().and_then(|(port, _)| port.joints())
     }
@@ -411,8 +412,8 @@ fn constant(
     joints.iter().map(value).collect::<Result<_, _>>().map(Some)
 }
 
-/// Creates a policy and its network from a LEAPP bundle. `default_pose` contains a position for each of
-/// [`Bundle::joints`]; `rate` \[Hz\] is used if the bundle has no `frequency`.
+/// Creates a policy and its network from a LEAPP bundle. `default_pose` contains one position \[rad or m\]
+/// for each joint of [`Bundle::joints`]. `rate` \[Hz\] is used if the bundle has no `frequency`.
 ///
 /// # Errors
 ///
@@ -420,7 +421,7 @@ fn constant(
 ///
 /// # Panics
 ///
-/// If the length of `default_pose` is not the number of joints.
+/// If the length of `default_pose` differs from the number of joints.
 pub fn import_leapp(
     bytes: &[u8],
     bundle: &Bundle,

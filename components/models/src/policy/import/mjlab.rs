@@ -106,7 +106,7 @@ impl Settings<'_> {
     }
 }
 
-/// Creates a policy and its network from an ONNX file with the metadata of mjlab. The network is unchanged
+/// Creates a policy and its network from an ONNX file with the metadata of mjlab. The network is not changed,
 /// except for the order and the offset of a height scan.
 ///
 /// # Errors

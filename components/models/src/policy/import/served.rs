@@ -53,9 +53,9 @@ pub(super) fn finish(
     Ok((policy, network))
 }
 
-/// The grid of a height scanner of Isaac Lab or mjlab, and the offset of its observation.
+/// Grid of a height scanner of Isaac Lab or mjlab, with the offset of its observation.
 ///
-/// Both observe the height of the sensor above the surface minus an offset (`height_scan` in
+/// Both programs observe the height of the sensor above the surface minus an offset (`height_scan` in
 /// `isaaclab/envs/mdp/observations.py` and `mjlab/envs/mdp/observations.py`), whereas motorium observes the
 /// height of the surface above the sensor.
 #[derive(Clone, Debug, PartialEq)]
@@ -70,14 +70,14 @@ pub struct HeightGrid {
 
 impl HeightGrid {
     /// Creates a grid from its lengths along x and y and the distance between points \[m\], like
-    /// `grid_pattern` of Isaac Lab. `is_along_x` is `true` for the ordering `xy`.
+    /// `grid_pattern` of Isaac Lab. `is_along_x` is `true` for the ordering `xy`. `offset` is in m.
     pub fn new(size: [f64; 2], resolution: f64, is_along_x: bool, offset: f64) -> Self {
         let points = size.map(|length| (length / resolution + 1e-6).clamp(0.0, 999.0) as usize + 1);
         Self { points, is_along_x, offset }
     }
 
-    /// Creates a grid from the numbers of points along x and y, in the order of mjlab's `GridPatternCfg`, the
-    /// ordering `xy`.
+    /// Creates a grid from the numbers of points along x and y, in the order of mjlab's `GridPatternCfg`
+    /// (ordering `xy`). `offset` is in m.
     pub fn from_points(points: [usize; 2], offset: f64) -> Self {
         Self { points, is_along_x: true, offset }
     }

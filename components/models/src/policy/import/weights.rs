@@ -36,8 +36,8 @@ struct Normaliser {
     epsilon: f64,
 }
 
-/// Creates a policy and its network, an ONNX file, from weights and a table. The table is a `policy.toml`
-/// without `network`, and with a table `weights`:
+/// Creates a policy and its network, as an ONNX file, from weights and a table. The table is a `policy.toml`
+/// without `network` and with an additional table `weights`:
 ///
 /// ```toml
 /// [weights]
@@ -46,11 +46,11 @@ struct Normaliser {
 /// normaliser = { mean = "normalizer._mean", std = "normalizer._std", epsilon = 1e-2 }
 /// ```
 ///
-/// The normaliser becomes part of the first layer.
+/// The normaliser is merged into the first layer.
 ///
 /// # Errors
 ///
-/// [`ImportError`] with the key or the tensor.
+/// [`ImportError`] with the invalid key or tensor.
 pub fn import_weights(file: &Tensors, table: &str) -> Result<(Policy, Vec<u8>), ImportError> {
     let wrong = |error: toml::de::Error| ImportError::Table(error.to_string());
     let mut table: toml::Table = table.parse().map_err(wrong)?;

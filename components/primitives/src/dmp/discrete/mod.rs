@@ -12,10 +12,10 @@ use super::quintic::{Jet, Quintic};
 use super::scaling::ForcingScale;
 use super::spring::Stride;
 
-/// A movement in progress: position, velocity and acceleration in every dimension, advanced by
+/// A discrete movement in progress: position, velocity and acceleration in every dimension, advanced by
 /// [`step`](Self::step).
 ///
-/// Only [`new`](Self::new) allocates; starting, steering and stepping never do.
+/// Only [`new`](Self::new) allocates; starting, steering and stepping do not.
 #[derive(Clone, Debug)]
 pub struct DiscreteDmp {
     model: DmpModel,
@@ -48,12 +48,12 @@ pub struct DiscreteDmp {
     acceleration: Vec<f64>,
 }
 
-/// With a quintic goal, the minimum fraction of the duration allowed for reaching a goal set during the
-/// movement.
+/// Minimum time for reaching a goal set during the movement, as a fraction of the duration. For variants with
+/// a quintic goal.
 pub const REPLANNING_TIME: f64 = 0.5;
 
 impl DiscreteDmp {
-    /// Creates a primitive at rest at zero; it moves after [`start`](Self::start).
+    /// Creates a primitive at rest at zero. It moves after [`start`](Self::start).
     pub fn new(model: DmpModel) -> Self {
         let dimensions = model.dimensions();
         let zeros = vec![0.0; dimensions];
@@ -81,20 +81,20 @@ impl DiscreteDmp {
         }
     }
 
-    /// Returns the model that is executed.
+    /// Returns the model of the primitive.
     pub fn model(&self) -> &DmpModel {
         &self.model
     }
 
-    /// Mutable weights (kernels x dimensions), to be changed between movements.
+    /// Returns the weights (kernels x dimensions) for writing. Change them only between movements.
     pub fn weights_mut(&mut self) -> nalgebra::DMatrixViewMut<'_, f64> {
         self.model.weights_mut()
     }
 
-    /// Starts from rest at `start` towards `goal`, to arrive after `duration` seconds.
+    /// Starts a movement from rest at `start` to `goal`, to arrive after `duration` seconds.
     ///
     /// # Errors
-    /// A length is wrong, a number is not finite, or the duration is not positive.
+    /// [`MoveError`] if a length is wrong, a number is not finite, or the duration is not positive.
     pub fn start(&mut self, start: &[f64], goal: &[f64], duration: f64) -> Result<(), MoveError> {
         self.check_duration(duration)?;
         self.check("start", start)?;
@@ -107,8 +107,8 @@ impl DiscreteDmp {
         Ok(())
     }
 
-    /// Starts at a velocity (per second) with the initial acceleration of the forcing term. In a fitted model
-    /// this is the initial acceleration of the demonstrations.
+    /// Starts a movement with an initial velocity (per second) and the initial acceleration of the forcing
+    /// term. In a fitted model this is the initial acceleration of the demonstrations.
     ///
     /// # Errors
     /// Same as [`Self::start`].
@@ -130,12 +130,13 @@ impl DiscreteDmp {
         Ok(())
     }
 
-    /// Starts in motion, from `position`, `velocity` (per second) and `acceleration` (per second squared).
+    /// Starts a movement with an initial `position`, `velocity` (per second) and `acceleration` (per second
+    /// squared).
     ///
     /// Only variants with a quintic goal start with the given acceleration and can therefore continue another
-    /// movement without a jump in acceleration. The others start with the acceleration of their spring. To
-    /// start like a demonstration, use [`start_at_velocity`](Self::start_at_velocity), which needs no
-    /// acceleration.
+    /// movement without a discontinuity in acceleration. The other variants start with the acceleration of
+    /// their spring. To start like a demonstration, use [`start_at_velocity`](Self::start_at_velocity), which
+    /// needs no acceleration.
     ///
     /// # Errors
     /// Same as [`Self::start`].
@@ -158,12 +159,13 @@ impl DiscreteDmp {
         Ok(())
     }
 
-    /// Starts in motion and passes the goal after `duration` seconds with `final_velocity` (per second): a
-    /// stroke. Afterwards the primitive continues at that velocity. The initial acceleration of the forcing
-    /// term is added to `acceleration`. For [`Variant::FinalVelocity`](super::Variant::FinalVelocity) only.
+    /// Starts a stroke: a movement with an initial velocity and acceleration that passes the goal after
+    /// `duration` seconds with `final_velocity` (per second). Afterwards the primitive continues at that
+    /// velocity. The initial acceleration of the forcing term is added to `acceleration`. For
+    /// [`Variant::FinalVelocity`](super::Variant::FinalVelocity) only.
     ///
     /// # Errors
-    /// Same as [`Self::start`], or the model has another variant.
+    /// Same as [`Self::start`]. Also if the model has another variant.
     pub fn start_striking(
         &mut self,
         [position, velocity, acceleration]: [&[f64]; 3],
@@ -190,7 +192,7 @@ impl DiscreteDmp {
         Ok(())
     }
 
-    /// Advances by `dt` seconds. A `dt` of zero or less changes nothing.
+    /// Advances by `dt` seconds. No effect if `dt` is zero or negative.
     pub fn step(&mut self, dt: f64) {
         self.phase_rate = 1.0;
         self.pushed.fill(0.0);
@@ -198,10 +200,11 @@ impl DiscreteDmp {
     }
 
     /// Advances by `dt` seconds with feedback from the robot; see [`Coupling`]. The coupling acceleration is
-    /// constant throughout the step. A `dt` of zero or less changes nothing.
+    /// constant throughout the step. No effect if `dt` is zero or negative.
     ///
     /// # Errors
-    /// The coupling has the wrong length or a number that is not finite. The primitive is unchanged then.
+    /// [`MoveError`] if the coupling has the wrong length or a number that is not finite. The primitive is
+    /// then left unchanged.
     pub fn step_coupled(&mut self, dt: f64, coupling: &Coupling<'_>) -> Result<(), MoveError> {
         let rate = coupling.phase_rate;
         if !rate.is_finite() {
@@ -249,42 +252,44 @@ impl DiscreteDmp {
         self.observe();
     }
 
-    /// Position in every dimension.
+    /// Returns the position in every dimension.
     pub fn position(&self) -> &[f64] {
         &self.position
     }
 
-    /// Velocity in every dimension, per second.
+    /// Returns the velocity in every dimension, per second.
     pub fn velocity(&self) -> &[f64] {
         &self.velocity
     }
 
-    /// Acceleration in every dimension, per second squared.
+    /// Returns the acceleration in every dimension, per second squared.
     pub fn acceleration(&self) -> &[f64] {
         &self.acceleration
     }
 
-    /// The goal last commanded.
+    /// Returns the goal set last.
     pub fn goal(&self) -> &[f64] {
         &self.goal
     }
 
-    /// Nominal duration of the movement \[s\].
+    /// Returns the nominal duration of the movement \[s\].
     pub fn duration(&self) -> f64 {
         self.duration
     }
 
-    /// Elapsed time over duration: 0 at the start, 1 at the nominal end, larger afterwards.
+    /// Returns the elapsed time divided by the duration: 0 at the start, 1 at the nominal end, more
+    /// afterwards.
     pub fn progress(&self) -> f64 {
         self.progress
     }
 
-    /// Progress at which the movement ends: 1, or more if a goal was set too late for that.
+    /// Returns the progress at which the movement ends: 1, or more if a goal was set too late to be reached
+    /// by then.
     pub fn end(&self) -> f64 {
         self.end
     }
 
-    /// Returns `true` after the duration of the movement.
+    /// Returns `true` if the duration of the movement has elapsed.
     pub fn is_over(&self) -> bool {
         self.progress >= self.end
     }

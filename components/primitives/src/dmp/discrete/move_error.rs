@@ -2,23 +2,23 @@
 
 use crate::dmp::Variant;
 
-/// An error of starting or steering a movement. The movement is left unchanged.
+/// Error of starting or steering a movement. The movement is left unchanged.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum MoveError {
     /// A vector's length differs from the number of dimensions.
-    #[error("{name} has {found} entries, the primitive {expected} dimensions")]
+    #[error("{name} has {found} entries, expected {expected}, one per dimension of the primitive")]
     Dimensions {
-        /// The vector.
+        /// Name of the vector.
         name: &'static str,
-        /// Its length.
+        /// Length found.
         found: usize,
-        /// The dimensions of the model.
+        /// Number of dimensions of the model.
         expected: usize,
     },
-    /// NaN or an infinite value.
-    #[error("{name} holds {value}, expected finite numbers only")]
+    /// A number is NaN or infinite.
+    #[error("{name} contains {value}, expected only finite numbers")]
     NotFinite {
-        /// The vector.
+        /// Name of the vector.
         name: &'static str,
         /// Value found.
         value: f64,
@@ -29,13 +29,13 @@ pub enum MoveError {
         /// Value found, s.
         found: f64,
     },
-    /// The variant ends at rest and accepts no final velocity.
+    /// The variant ends at rest and therefore accepts no final velocity.
     #[error(
         "a primitive of the variant {} ends at rest: only the variant final_velocity accepts a final velocity",
         .variant.name()
     )]
     EndsAtRest {
-        /// The variant.
+        /// Variant of the primitive.
         variant: Variant,
     },
     /// The other model has different settings.

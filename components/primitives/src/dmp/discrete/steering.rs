@@ -5,11 +5,11 @@ use crate::dmp::model::DmpModel;
 use crate::dmp::quintic::{Jet, Quintic};
 
 impl DiscreteDmp {
-    /// Copies the weights of another model with equal settings and dimensions, without allocating. Call it
-    /// between movements: during a movement the forcing term would jump.
+    /// Copies the weights of another model with equal settings and dimensions, without allocating. Call this
+    /// between movements only: during a movement the forcing term would be discontinuous.
     ///
     /// # Errors
-    /// Settings or number of dimensions differ.
+    /// [`MoveError`] if the settings or the number of dimensions differ.
     pub fn exchange(&mut self, model: &DmpModel) -> Result<(), MoveError> {
         if model.settings() != self.model.settings() {
             return Err(MoveError::OtherSettings);
@@ -24,13 +24,14 @@ impl DiscreteDmp {
 
     /// Changes the goal during a movement. Position and velocity stay continuous.
     ///
-    /// A variant with a quintic goal keeps the acceleration continuous, too. It plans a new polynomial from
-    /// the current state to the end of the movement. If less than [`REPLANNING_TIME`] of the duration is
-    /// left, the polynomial lasts that long and the end is postponed. In the other variants the acceleration
-    /// jumps by `K / T^2` times the change of the goal, unless `goal_rate` filters the goal.
+    /// A variant with a quintic goal also keeps the acceleration continuous. It plans a new polynomial from
+    /// the current state to the end of the movement. If less than [`REPLANNING_TIME`] of the duration
+    /// remains, the polynomial lasts that long and the end is postponed. In the other variants the
+    /// acceleration changes in a step by `K / T^2` times the change of the goal, unless `goal_rate` filters
+    /// the goal.
     ///
     /// # Errors
-    /// The length is wrong, or a number is not finite.
+    /// [`MoveError`] if the length is wrong, or a number is not finite.
     pub fn set_goal(&mut self, goal: &[f64]) -> Result<(), MoveError> {
         self.check("goal", goal)?;
         if self.goal == goal {
@@ -52,11 +53,11 @@ impl DiscreteDmp {
         Ok(())
     }
 
-    /// Changes the duration during a movement. The remaining movement is stretched; position and velocity
-    /// stay continuous.
+    /// Changes the duration during a movement. The remaining movement is stretched or compressed; position
+    /// and velocity stay continuous.
     ///
     /// # Errors
-    /// The duration is not positive.
+    /// [`MoveError`] if the duration is not positive.
     pub fn set_duration(&mut self, duration: f64) -> Result<(), MoveError> {
         self.check_duration(duration)?;
         let stretch = duration / self.duration;

@@ -12,12 +12,12 @@ use crate::dmp::spring::CriticalSpring;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct RhythmicSettings {
-    /// Number of kernels around the circle for each dimension, at least 3. Default 30.
+    /// Number of kernels around the cycle for each dimension, at least 3. Default 30.
     pub kernels: usize,
     /// Damping `D` of the transformation system; its stiffness is `K = D^2 / 4`, critically damped. Default
     /// 25.
     pub damping: f64,
-    /// Width parameter `h` of the kernels. Default: the number of kernels.
+    /// Width parameter `h` of the kernels. Default: equal to the number of kernels.
     pub width: Option<f64>,
 }
 
@@ -27,7 +27,7 @@ impl Default for RhythmicSettings {
     }
 }
 
-/// A learned rhythmic primitive, constant at run time.
+/// A learned rhythmic primitive. It does not change at run time.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "StoredRhythmicModel", into = "StoredRhythmicModel")]
 pub struct RhythmicModel {
@@ -37,46 +37,46 @@ pub struct RhythmicModel {
     pub(super) baseline: DVector<f64>,
 }
 
-/// File representation of a [`RhythmicModel`].
+/// File format of a [`RhythmicModel`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct StoredRhythmicModel {
-    /// The settings.
+    /// Settings of the primitive.
     pub settings: RhythmicSettings,
-    /// The value about which each dimension swings.
+    /// Centre of the oscillation of each dimension.
     pub baseline: Vec<f64>,
-    /// For each dimension, the weight of each kernel.
+    /// Weight of each kernel, for each dimension.
     pub weights: Vec<Vec<f64>>,
 }
 
-/// An error of fitting a period.
+/// Error of fitting a rhythmic primitive to periods.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum PeriodError {
-    /// Too few samples in a period.
+    /// A period has too few samples.
     #[error(
-        "{found} samples in one period, expected at least 4 and at least one for each of the {kernels} kernels"
+        "found {found} samples in one period, expected at least 4 and at least one for each of the {kernels} kernels"
     )]
     TooShort {
-        /// Samples found.
+        /// Number of samples found.
         found: usize,
-        /// Kernels to be determined.
+        /// Number of kernels.
         kernels: usize,
     },
-    /// The samples have no dimension.
+    /// The samples have no dimensions.
     #[error("the samples have no dimension, expected at least one")]
     NoDimension,
     /// Periods differ in their number of dimensions.
     #[error("period {index} has {found} dimensions, expected {expected} as in the first")]
     Dimensions {
-        /// Index, counted from 0.
+        /// Index of the period, from 0.
         index: usize,
-        /// Its dimensions.
+        /// Number of dimensions found.
         found: usize,
-        /// Dimensions of the first period.
+        /// Number of dimensions of the first period.
         expected: usize,
     },
     /// A sample is not finite.
-    #[error("a sample is {value}: cut the recording or fill the gap")]
+    #[error("a sample is {value}, expected a finite number: cut the recording or fill the gap")]
     NotFinite {
         /// Value found.
         value: f64,
@@ -90,7 +90,7 @@ impl RhythmicModel {
     /// Creates a model from weights (kernels x dimensions) and the baseline of each dimension.
     ///
     /// # Errors
-    /// A setting is out of range, sizes do not match, or a number is not finite.
+    /// [`ModelError`] if a setting is out of range, sizes do not match, or a number is not finite.
     pub fn with_weights(
         settings: RhythmicSettings,
         weights: DMatrix<f64>,
@@ -126,13 +126,14 @@ impl RhythmicModel {
 
     /// Fits a primitive to one or more periods by ridge regression with the penalty `lambda >= 0`.
     ///
-    /// Each period is a matrix of evenly spaced samples x dimensions starting at phase 0, without the closing
-    /// sample, which belongs to the next period. Derivatives are central differences around the circle. The
-    /// baseline is the middle of the range. The weights refer to normalised time and do not depend on the
-    /// duration of the period.
+    /// Each period is a matrix (samples x dimensions) of evenly spaced samples that starts at phase 0. It
+    /// omits the closing sample, which belongs to the next period. Derivatives are central differences around
+    /// the cycle. The baseline is the middle of the range. The weights refer to normalised time and do not
+    /// depend on the duration of the period.
     ///
     /// # Errors
-    /// Too few samples, different dimensions, numbers that are not finite, or settings out of range.
+    /// [`PeriodError`] if there are too few samples, the dimensions differ, a number is not finite, or a
+    /// setting is out of range.
     pub fn fit(
         settings: RhythmicSettings,
         periods: &[DMatrix<f64>],
@@ -251,22 +252,22 @@ impl RhythmicModel {
         (left, right)
     }
 
-    /// Number of dimensions.
+    /// Returns the number of dimensions.
     pub fn dimensions(&self) -> usize {
         self.weights.ncols()
     }
 
-    /// The settings.
+    /// Returns the settings.
     pub fn settings(&self) -> &RhythmicSettings {
         &self.settings
     }
 
-    /// The weights, kernels x dimensions.
+    /// Returns the weights, kernels x dimensions.
     pub fn weights(&self) -> &DMatrix<f64> {
         &self.weights
     }
 
-    /// The value about which each dimension swings.
+    /// Returns the centre of the oscillation of each dimension.
     pub fn baseline(&self) -> &DVector<f64> {
         &self.baseline
     }

@@ -5,7 +5,7 @@ use crate::dmp::discrete::MoveError;
 use crate::dmp::kernels::dot;
 use crate::dmp::spring::CriticalSpring;
 
-/// A rhythm in progress (Ijspeert et al. 2013, section 2.1.2): with the period `P`, `tau = P / (2 pi)` and
+/// A rhythm in progress (Ijspeert et al. 2013, section 2.1.2). With the period `P`, `tau = P / (2 pi)` and
 /// the phase `tau phi' = 1`,
 ///
 /// `tau^2 y'' = K (g - y) - D tau y' + r f`, `f = sum(psi_i w_i) / sum(psi_i)`, `psi_i = exp(h (cos(phi -
@@ -55,15 +55,16 @@ impl RhythmicDmp {
         dmp
     }
 
-    /// The model it runs.
+    /// Returns the model of the rhythm.
     pub fn model(&self) -> &RhythmicModel {
         &self.model
     }
 
-    /// Starts at a phase (rad) from a position and a velocity (per second) and converges to the rhythm.
+    /// Starts at a phase (rad) with an initial position and velocity (per second), and converges to the
+    /// rhythm.
     ///
     /// # Errors
-    /// A length is wrong, or a number is not finite.
+    /// [`MoveError`] if a length is wrong, or a number is not finite.
     pub fn start(&mut self, phase: f64, position: &[f64], velocity: &[f64]) -> Result<(), MoveError> {
         finite("phase", &[phase], 1)?;
         finite("position", position, self.state.len())?;
@@ -82,7 +83,7 @@ impl RhythmicDmp {
     /// Sets the period, s.
     ///
     /// # Errors
-    /// The period is not positive.
+    /// [`MoveError`] if the period is not positive.
     pub fn set_period(&mut self, period: f64) -> Result<(), MoveError> {
         if !(period.is_finite() && period > 0.0) {
             return Err(MoveError::Duration { found: period });
@@ -97,7 +98,7 @@ impl RhythmicDmp {
     /// Sets the amplitude relative to the demonstration. Default 1.
     ///
     /// # Errors
-    /// The number is not finite.
+    /// [`MoveError`] if the number is not finite.
     pub fn set_amplitude(&mut self, amplitude: f64) -> Result<(), MoveError> {
         finite("amplitude", &[amplitude], 1)?;
         self.amplitude = amplitude;
@@ -106,10 +107,10 @@ impl RhythmicDmp {
         Ok(())
     }
 
-    /// Sets the value around which each dimension oscillates.
+    /// Sets the centre of the oscillation of each dimension.
     ///
     /// # Errors
-    /// The length is wrong, or a number is not finite.
+    /// [`MoveError`] if the length is wrong, or a number is not finite.
     pub fn set_baseline(&mut self, baseline: &[f64]) -> Result<(), MoveError> {
         finite("baseline", baseline, self.state.len())?;
         self.baseline.copy_from_slice(baseline);
@@ -117,12 +118,12 @@ impl RhythmicDmp {
         Ok(())
     }
 
-    /// Advances by `dt` seconds. A `dt` of zero or less changes nothing.
+    /// Advances by `dt` seconds. No effect if `dt` is zero or negative.
     pub fn step(&mut self, dt: f64) {
         self.step_entrained(dt, 0.0);
     }
 
-    /// Like [`step`](Self::step), with the phase rate increased by `pull` (rad/s), such as `k
+    /// Advances like [`step`](Self::step), with the phase rate increased by `pull` (rad/s), such as `k
     /// sin(phi_measured - phi)`.
     pub fn step_entrained(&mut self, dt: f64, pull: f64) {
         let h = dt * std::f64::consts::TAU / self.period;
@@ -145,27 +146,27 @@ impl RhythmicDmp {
         self.observe();
     }
 
-    /// Position in every dimension.
+    /// Returns the position in every dimension.
     pub fn position(&self) -> &[f64] {
         &self.position
     }
 
-    /// Velocity in every dimension, per second.
+    /// Returns the velocity in every dimension, per second.
     pub fn velocity(&self) -> &[f64] {
         &self.velocity
     }
 
-    /// Acceleration in every dimension, per second squared.
+    /// Returns the acceleration in every dimension, per second squared.
     pub fn acceleration(&self) -> &[f64] {
         &self.acceleration
     }
 
-    /// The phase in \[0, 2 pi), rad.
+    /// Returns the phase in \[0, 2 pi), rad.
     pub fn phase(&self) -> f64 {
         self.phase
     }
 
-    /// Whole periods since the start.
+    /// Returns the number of whole periods since the start.
     pub fn cycles(&self) -> u64 {
         self.cycles
     }
