@@ -35,7 +35,8 @@ pub struct FeedForward {
 struct Inertia {
     /// Time constant of the acceleration, s.
     smoothing: f64,
-    /// Velocities: the measured one of a floating base, then the setpoint of the previous tick, valid if `known`.
+    /// Velocities: the measured one of a floating base, then the setpoint of the previous tick, valid if
+    /// `known`.
     velocity: DVector<f64>,
     known: bool,
     /// Accelerations: 0 for a floating base, then the smoothed one of the setpoint.
@@ -83,13 +84,14 @@ impl FeedForward {
         }
     }
 
-    /// Returns the efforts \[Nm or N\], one per independent joint, within the effort limits of the model. `q` is
-    /// the measured configuration: the pose of a floating base, then the joint positions \[rad or m\].
-    /// `base_velocity` is the measured velocity of a floating base in its own axes, linear \[m/s\], then angular
-    /// \[rad/s\]; empty for a fixed base.
+    /// Returns the efforts \[Nm or N\], one per independent joint, within the effort limits of the model.
+    ///
+    /// `q` is the measured configuration: the pose of a floating base, then the joint positions \[rad or m\].
+    /// `base_velocity` is the measured velocity of a floating base in its own axes, linear \[m/s\], then
+    /// angular \[rad/s\]; empty for a fixed base.
     ///
     /// # Panics
-    /// If `q`, `base_velocity` or the setpoint do not match the model.
+    /// If the length of `q`, `base_velocity` or the setpoint does not match the model.
     pub fn effort(
         &mut self,
         model: &Model,

@@ -354,7 +354,8 @@ fn refuse_velocity_keys(config: &QpControllerConfig) -> Result<(), ConfigError> 
 /// Returns the joints of the wheels that move the base of a robot with a floating base.
 ///
 /// # Errors
-/// [`ConfigError`] if the profile has no such wheels: without contacts the controller could not move the base.
+/// [`ConfigError`] if the profile has no such wheels: without contacts the controller could not move the
+/// base.
 fn base_joints(
     robot: &RobotReference,
     model: &Model,
