@@ -225,6 +225,20 @@ fn sdf_in_degrees_or_millimetres_is_reported() {
 }
 
 #[test]
+fn gravity_in_millimetres_and_empty_names_are_refused() {
+    let refused = |world: World| world.check(std::iter::empty()).expect_err("it is refused").to_string();
+    let gravity = [0.0, 0.0, -9810.0];
+    assert_eq!(
+        refused(World { gravity, ..World::default() }),
+        "world: `gravity` is -9810, expected -1000 to 1000 m/s2"
+    );
+    let shape = ObjectShape::Sphere { radius: 0.1 };
+    let object = |name: &str| Object { name: name.to_owned(), shape: shape.clone(), ..Object::default() };
+    let objects = vec![object("ball"), object("")];
+    assert_eq!(refused(World { objects, ..World::default() }), "object 1: its `name` is empty");
+}
+
+#[test]
 fn keys_next_to_a_file_extend_its_world() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("yard.xml"), MJCF).unwrap();

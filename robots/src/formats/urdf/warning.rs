@@ -266,6 +266,21 @@ pub enum ModelWarning {
         /// Position of the element.
         at: Position,
     },
+    /// An element has no effect in its place.
+    #[error(
+        "<{found}> in <{element}> has no effect (line {}, column {}); expected it in <{expected}>",
+        .at.line, .at.column
+    )]
+    Misplaced {
+        /// The surrounding element, and the link or joint it belongs to.
+        element: String,
+        /// Name of the element.
+        found: String,
+        /// Name of the element in which it has an effect.
+        expected: &'static str,
+        /// Position of the element.
+        at: Position,
+    },
     /// An angle exceeds a turn, as if given in degrees.
     #[error(
         "{what} has an angle of {angle} rad{}; {format}: if these are degrees, write {:.4}",
@@ -403,6 +418,7 @@ impl ModelWarning {
             Self::TransmissionJoint { .. }
             | Self::CoupledTransmission { .. }
             | Self::Misspelt { .. }
+            | Self::Misplaced { .. }
             | Self::Degrees { .. }
             | Self::NoSize { .. }
             | Self::OversizedObject { .. }
