@@ -47,10 +47,10 @@ fn unit(clock: Clock, numbers: &[(Place, f64)]) -> Result<f64, RecordingError> {
         return named(clock, numbers, seconds).map(|()| seconds);
     };
     let Some((place, last)) = numbers.last() else { return Ok(1.0) };
-    if let Clock::Time(..) = clock {
-        if let Some(seconds) = unit_since_1970(numbers[0].1, *last) {
-            return Ok(seconds);
-        }
+    if let Clock::Time(..) = clock
+        && let Some(seconds) = unit_since_1970(numbers[0].1, *last)
+    {
+        return Ok(seconds);
     }
     let interval = match clock {
         Clock::Time(..) => median(numbers.windows(2).map(|pair| pair[1].1 - pair[0].1).collect()),
