@@ -430,6 +430,8 @@ fn misspelt_names_degrees_and_empty_shapes_are_reported() {
     elsewhere(&with_inertial(&inside), "origin", "link name=\"b\"", "joint");
     let text = joint(limit).replace("</robot>", "<limit lower=\"0\"/></robot>");
     elsewhere(&text, "limit", "robot", "joint");
+    let sensor = format!("<sensor><origin xyz=\"0 0 1\"/></sensor>{}", inertial(1.0, [1.0, 1.0, 1.5]));
+    assert_eq!(warnings(&with_inertial(&sensor)), [""; 0], "an element of another program");
     let shape = |shape: &str| {
         let inside =
             format!("<collision><geometry>{shape}</geometry></collision>{}", inertial(1.0, [1.0, 1.0, 1.5]));

@@ -389,6 +389,21 @@ fn a_world_of_sdf_is_read_and_robots_in_it_are_refused() {
 }
 
 #[test]
+fn models_of_sdf_with_one_name_are_refused() {
+    let model = |name: &str| format!("<model name=\"{name}\"><link name=\"l\">{BALL}</link></model>");
+    let world = |models: &str| {
+        of_file("w.sdf", &format!("<sdf version=\"1.9\"><world name=\"w\">\n{models}</world></sdf>"))
+    };
+    let names = |world: World| world.objects.into_iter().map(|object| object.name).collect::<Vec<_>>();
+    assert_eq!(names(world(&[model("a"), model("b")].concat()).unwrap()), ["a", "b"]);
+    let error = world(&[model("a"), "\n".into(), model("a")].concat()).unwrap_err().to_string();
+    assert!(error.ends_with("w.sdf:3:1: a second <model> is named \"a\"; give it another name"), "{error}");
+}
+
+const BALL: &str =
+    "<collision name=\"c\"><geometry><sphere><radius>0.1</radius></sphere></geometry></collision>";
+
+#[test]
 fn sdf_motion_settings_are_applied_or_reported() {
     let warned = |old: &str, new: &str| {
         let folder = tempfile::tempdir().unwrap();

@@ -120,6 +120,11 @@ const PARENTS: &[(&str, &[&str])] = &[
 
 /// Reports children with a meaning elsewhere only, such as the `<origin>` of a link.
 fn misplaced(node: Node<'_, '_>, lines: &Lines<'_>, warnings: &mut Vec<ModelWarning>) {
+    // elements of other programs have their own rules
+    let is_own = |part: Node<'_, '_>| part.has_tag_name("robot") || !entry(PARENTS, part).is_empty();
+    if !node.ancestors().filter(Node::is_element).all(is_own) {
+        return;
+    }
     for child in node.children().filter(|child| child.is_element() && child.tag_name().namespace().is_none())
     {
         let parents = entry(PARENTS, child);
