@@ -68,7 +68,9 @@ mod tests {
             of_drives(robot, &names).expect("limits").iter().map(|limits| (limits.kp, limits.kd)).collect()
         };
         assert_eq!(gains(&robot), [(20.0, 9.4), (0.0, 0.0)]);
-        robot.profile.as_mut().expect("a profile").gains = None;
+        let text = "title = \"c\"\nsources = []\njoints = [\"slider\", \"hinge\"]\nhome = \"down\"\npassive = [\"hinge\"]\n\
+                    [poses]\ndown = [0.0, 0.0]\n";
+        robot.profile = Some(motorium_robots::Profile::parse(text).expect("a profile"));
         let [slider, hinge] = gains(&robot)[..] else { panic!("two joints") };
         assert!(slider.0 > 0.0 && slider.1 > 0.0 && hinge == (0.0, 0.0), "{slider:?}, {hinge:?}");
     }

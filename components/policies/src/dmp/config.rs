@@ -63,7 +63,7 @@ impl DmpPolicyConfig {
         let start = self.start.iter().map(|start| ("start.rpy".to_string(), start.rpy));
         let goals = self.goals.iter().enumerate().map(|(i, goal)| (format!("goals[{i}].rpy"), goal.rpy));
         for (key, rpy) in start.chain(goals) {
-            warn_of_angles(&key, rpy.as_ref().map_or(&[], |rpy| rpy), declare);
+            warn_of_angles(&key, rpy.as_slice().as_flattened(), declare);
         }
     }
 }

@@ -100,7 +100,7 @@ impl TrajectoryConfig {
         for (index, goal) in self.goals.iter().enumerate() {
             if let JointGoal::Table(JointGoalConfig { end_effector: Some(pose), .. }) = goal {
                 let key = format!("goals[{index}].end_effector.rpy");
-                warn_of_angles(&key, pose.rpy.as_ref().map_or(&[], |rpy| rpy), declare);
+                warn_of_angles(&key, pose.rpy.as_slice().as_flattened(), declare);
             }
         }
     }

@@ -63,7 +63,7 @@ fn probable_degrees_of_goals_are_doubted() {
         let warnings = warnings.iter().map(|warning| warning.message().to_string());
         warnings.filter(|text| text.contains("degrees")).collect::<Vec<_>>()
     };
-    assert_eq!(doubts(3.1416), Vec::<String>::new());
+    assert_eq!(doubts(std::f64::consts::PI), Vec::<String>::new());
     let rule = "angles are in radians: if these are degrees, write 3.1416";
     assert_eq!(doubts(180.0), [format!("`goals[0].end_effector.rpy` has an angle of 180 rad; {rule}")]);
 
