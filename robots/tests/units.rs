@@ -209,3 +209,37 @@ fn unreadable_meshes_are_reported_with_their_reference() {
         "{found:?}"
     );
 }
+
+#[test]
+fn missing_meshes_are_named() {
+    let geometry = |n: usize| format!("<geometry><mesh filename=\"m{n}.stl\"/></geometry>");
+    let robot = |links: &[&[usize]]| {
+        let link = |(index, meshes): (usize, &&[usize])| {
+            let shapes: String =
+                meshes.iter().map(|n| format!("<collision>{}</collision>", geometry(*n))).collect();
+            format!("<link name=\"l{index}\">{shapes}</link>")
+        };
+        let links: String = links.iter().enumerate().map(link).collect();
+        let joint = |n: usize| {
+            format!("<joint name=\"j{n}\" type=\"fixed\"><parent link=\"l0\"/><child link=\"l{n}\"/></joint>")
+        };
+        let joints: String = (1..4).filter(|n| links.contains(&format!("\"l{n}\""))).map(joint).collect();
+        let text = format!("<robot name=\"r\">{links}{joints}</robot>");
+        let warnings = parse_urdf(&text, None, MimicMode::Follow, &PackagePath::default()).unwrap().warnings;
+        let meshes: Vec<_> = warnings
+            .into_iter()
+            .filter(|warning| matches!(warning, ModelWarning::MissingMesh { .. }))
+            .collect();
+        ModelWarning::summarise(&meshes)
+    };
+    let folder = "not found in .";
+    assert_eq!(robot(&[&[1]]), ["link \"l0\": mesh \"m1.stl\" not found in ."]);
+    assert_eq!(robot(&[&[1, 1]]), ["link \"l0\": mesh \"m1.stl\" not found in ."], "visual and collision");
+    assert_eq!(robot(&[&[1, 2]]), [format!("link \"l0\": meshes \"m1.stl\", \"m2.stl\" {folder}")]);
+    assert_eq!(
+        robot(&[&[1], &[2], &[3, 4]]),
+        [format!(
+            "links \"l0\", \"l1\", \"l2\": meshes \"m1.stl\", \"m2.stl\", \"m3.stl\" and 1 more {folder}"
+        )]
+    );
+}

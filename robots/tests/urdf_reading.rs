@@ -414,6 +414,24 @@ fn misspelt_names_degrees_and_empty_shapes_are_reported() {
         assert_eq!(warnings(&joint(inside)), [expected], "{inside}");
     }
     assert_eq!(warnings(&joint(limit)), [""; 0]);
+    let elsewhere = |text: &str, found: &str, element: &str, expected: &str| {
+        let all = warnings(text).join("; ");
+        let warning = format!("<{found}> in <{element}> has no effect (line ");
+        assert!(
+            all.contains(&warning) && all.contains(&format!("; expected it in <{expected}>")),
+            "{text}: {all}"
+        );
+    };
+    let mass = r#"<mass value="1"/>"#;
+    let inside = format!("{limit}<origin xyz=\"0 0 1\"/>{mass}<link name=\"c\"/>");
+    elsewhere(&joint(&inside), "mass", "joint name=\"j\"", "inertial");
+    elsewhere(&joint(&inside), "link", "joint name=\"j\"", "robot");
+    let inside = format!("<origin xyz=\"0 0 1\"/>{}", inertial(1.0, [1.0, 1.0, 1.5]));
+    elsewhere(&with_inertial(&inside), "origin", "link name=\"b\"", "joint");
+    let text = joint(limit).replace("</robot>", "<limit lower=\"0\"/></robot>");
+    elsewhere(&text, "limit", "robot", "joint");
+    let sensor = format!("<sensor><origin xyz=\"0 0 1\"/></sensor>{}", inertial(1.0, [1.0, 1.0, 1.5]));
+    assert_eq!(warnings(&with_inertial(&sensor)), [""; 0], "an element of another program");
     let shape = |shape: &str| {
         let inside =
             format!("<collision><geometry>{shape}</geometry></collision>{}", inertial(1.0, [1.0, 1.0, 1.5]));

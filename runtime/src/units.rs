@@ -182,7 +182,12 @@ fn split<'a>(text: &'a str, example: &str) -> Result<(&'a str, &'a str), UnitErr
 }
 
 fn unknown_unit(unit: &str, units: &str, number: &str, what: &str, example: &str) -> UnitError {
+    let is_exponent = unit
+        .strip_prefix(['e', 'E'])
+        .is_some_and(|rest| rest.starts_with(|c: char| c.is_ascii_digit() || c == '-' || c == '+'));
     let expected = match (what, unit) {
+        _ if unit.starts_with(',') => format!("write decimals with a point; {example}"),
+        _ if is_exponent => format!("write the number without an exponent; {example}"),
         ("time", "h" | "hour" | "hours") => {
             format!("the units are {units}; an hour is \"60 min\"")
         }

@@ -144,7 +144,7 @@ process_rows() {
     done
 
     begin launcher_killed --for 5s
-    motorium can log vcan0 --output traffic &
+    motorium can log vcan0 --overwrite --output traffic &
     log=$!
     sleep 0.3
     kill -9 $run

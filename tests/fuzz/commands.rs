@@ -297,13 +297,21 @@ fn recordings_of_runs() {
     try_all(
         "runs",
         vec![
-            reader(&["recover", "FILE", "--output", "out.mcap"], ".mcap", corpus.clone()),
+            reader(&["recover", "FILE", "--output", "out.mcap", "--overwrite"], ".mcap", corpus.clone()),
             reader(&["score", "FILE"], ".mcap", corpus.clone()),
             reader(&["export", "FILE", "--output", "tables", "--overwrite"], ".mcap", corpus.clone()),
             reader(&["report", "FILE", "--output", "out.html", "--overwrite"], ".mcap", corpus.clone()),
-            reader(&["animate", "FILE", "--size", "64x48", "--output", "out.png"], ".mcap", corpus.clone()),
+            reader(
+                &["animate", "FILE", "--size", "64x48", "--output", "out.png", "--overwrite"],
+                ".mcap",
+                corpus.clone(),
+            ),
             reader(&["replay", "FILE", "--speed", "0"], ".mcap", corpus.clone()),
-            reader(&["plot", "FILE", "panda/joint_state.position", "--output", "out.svg"], ".mcap", corpus),
+            reader(
+                &["plot", "FILE", "panda/joint_state.position", "--output", "out.svg", "--overwrite"],
+                ".mcap",
+                corpus,
+            ),
         ],
     );
 }

@@ -1,5 +1,7 @@
 //! Output files: formats by the ends of their names, and existing files, which are replaced on request only.
 
+use std::fs::FileType;
+use std::os::unix::fs::FileTypeExt as _;
 use std::path::Path;
 
 use anyhow::Context as _;
@@ -21,10 +23,21 @@ pub(crate) fn format<'k>(path: &Path, known: &[&'k str]) -> anyhow::Result<&'k s
     })
 }
 
-/// Refuses to replace an existing file without `--overwrite`.
+/// Writes an output file, and makes its folder.
+pub(crate) fn write_file(path: &Path, content: impl AsRef<[u8]>) -> anyhow::Result<()> {
+    if let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
+        std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
+    }
+    std::fs::write(path, content).with_context(|| format!("writing {}", path.display()))
+}
+
+/// Refuses to replace an existing file without `--overwrite`. Devices and pipes, such as `/dev/stdout`, keep
+/// no content and are accepted.
 pub(crate) fn refuse_existing(path: &Path, overwrite: bool) -> anyhow::Result<()> {
+    let keeps_nothing = |kind: FileType| kind.is_char_device() || kind.is_fifo() || kind.is_socket();
+    let is_stream = || path.metadata().is_ok_and(|found| keeps_nothing(found.file_type()));
     anyhow::ensure!(
-        overwrite || path.symlink_metadata().is_err(),
+        overwrite || path.symlink_metadata().is_err() || is_stream(),
         "{} exists: name another file, or replace it with `--overwrite`",
         path.display()
     );
@@ -58,5 +71,7 @@ mod tests {
             "{refused}"
         );
         assert!(refuse_existing(&file, true).is_ok());
+        assert!(refuse_existing(Path::new("/dev/null"), false).is_ok(), "a device");
+        assert!(refuse_existing(folder.path(), false).is_err(), "a folder");
     }
 }

@@ -170,6 +170,7 @@ impl Database {
     /// Returns an error if the text is not a database, if a signal does not fit into its message, or if two
     /// messages have the same identifier.
     pub fn parse(text: &str) -> Result<Self, DatabaseError> {
+        let text = text.trim_start_matches('\u{feff}');
         let file = Dbc::try_from(text).map_err(|error| DatabaseError::Syntax(error.to_string()))?;
         let mut read = Self { messages: BTreeMap::new(), mask: ALL };
         for message in &file.messages {
@@ -304,9 +305,23 @@ fn signals(file: &Dbc, message: &can_dbc::Message) -> Result<Vec<Signal>, (Strin
         if signal.end() > 8 * bytes {
             return refuse(format!("{bits} bits from bit {}, beyond {bytes} bytes", signal.start));
         }
+        if signal.factor == 0.0 {
+            return refuse("its factor is 0, expected another number".into());
+        }
         Ok(signal)
     };
-    message.signals.iter().map(read).collect()
+    let signals = message.signals.iter().map(read).collect::<Result<Vec<Signal>, _>>()?;
+    for (index, signal) in signals.iter().enumerate() {
+        // multiplexed signals of one name are not in the same frame
+        let is_same = |other: &Signal| other.name == signal.name && other.switch == signal.switch;
+        if signals[..index].iter().any(is_same) {
+            return Err((
+                signal.name.clone(),
+                "a second signal has this name, expected distinct names".into(),
+            ));
+        }
+    }
+    Ok(signals)
 }
 
 impl Message {

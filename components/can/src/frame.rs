@@ -95,6 +95,9 @@ pub struct Frame {
 }
 
 impl Frame {
+    /// Number of data bytes of a CAN FD frame for each data length code.
+    pub(crate) const LENGTHS: [usize; 16] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64];
+
     /// Creates a classic CAN frame.
     ///
     /// # Panics

@@ -27,14 +27,20 @@ pub enum FdSearch {
     /// The search was not requested.
     #[default]
     NotWanted,
-    /// Every ID was queried.
-    Complete,
+    /// Every ID was queried, without an error on the bus.
+    Complete {
+        /// Number of IDs queried.
+        asked: u8,
+    },
     /// The search was skipped or stopped, because a device on the bus sends classic frames and may not
     /// support CAN FD.
-    Classic,
+    Classic {
+        /// Number of IDs queried before the first classic frame; 0 if the search was skipped.
+        asked: u8,
+    },
     /// The search stopped because the bus reported an error.
     Disturbed {
-        /// Number of IDs queried before the error.
+        /// Number of IDs queried before the error was noticed.
         asked: u8,
     },
 }
@@ -94,14 +100,16 @@ fn search_fd<B: Bus>(
     has_errors: &dyn Fn(&B) -> bool,
     mut pass: impl FnMut(&mut B),
 ) -> FdSearch {
-    for (asked, request) in definitions().flat_map(DriveProtocol::fd_requests).enumerate() {
+    let mut asked = 0;
+    for request in definitions().flat_map(DriveProtocol::fd_requests) {
         if has_errors(bus) {
-            return FdSearch::Disturbed { asked: asked as u8 };
+            return FdSearch::Disturbed { asked };
         }
         if found.has_classic {
-            return FdSearch::Classic;
+            return FdSearch::Classic { asked };
         }
         bus.send(&[request]);
+        asked += 1;
         pass(bus);
         receive(bus, found);
     }
@@ -109,7 +117,10 @@ fn search_fd<B: Bus>(
         pass(bus);
         receive(bus, found);
     }
-    FdSearch::Complete
+    match has_errors(bus) {
+        true => FdSearch::Disturbed { asked },
+        false => FdSearch::Complete { asked },
+    }
 }
 
 fn receive(bus: &mut impl Bus, found: &mut Found) {
@@ -178,6 +189,8 @@ mod tests {
         has_classic: bool,
         /// Number of CAN FD frames sent.
         fd_frames: u32,
+        /// Number of CAN FD frames after which a device sends a classic frame.
+        classic_from: u32,
         /// Number of CAN FD frames after which the bus reports an error.
         errors_from: u32,
         now_ns: u64,
@@ -208,6 +221,9 @@ mod tests {
                 moteus.receive(&received.frame, received.time_ns, &mut |answer| {
                     bus.enqueue(1, answer, received.time_ns + 50_000);
                 });
+            }
+            if self.fd_frames >= self.classic_from {
+                self.bus.enqueue(2, Frame::classic(Id::Standard(0x555), &[1, 2]), self.now_ns);
             }
             if self.has_classic && self.now_ns.is_multiple_of(100_000_000) {
                 let beat = |id, data: &[u8]| Frame::classic(Id::Standard(id), data);
@@ -252,6 +268,7 @@ mod tests {
             moteus: moteus(),
             has_classic: has_beats,
             fd_frames: 0,
+            classic_from: u32::MAX,
             errors_from: u32::MAX,
             now_ns: 0,
         }
@@ -291,7 +308,7 @@ mod tests {
         let kind =
             DeviceKind::Moteus { mode: "Stopped".into(), home: Some(PositionReference::Output), fault: 0 };
         assert_eq!(found.devices, [Device { node: 9, kind }]);
-        assert_eq!((found.fd, desk.fd_frames), (FdSearch::Complete, 126));
+        assert_eq!((found.fd, desk.fd_frames), (FdSearch::Complete { asked: 126 }, 126));
         assert!(!desk.moteus.is_enabled());
     }
 
@@ -299,13 +316,25 @@ mod tests {
     fn can_fd_frames_avoid_buses_with_classic_devices() {
         let mut desk = desk(true);
         let found = scanned(&mut desk, true);
-        assert_eq!((found.fd, desk.fd_frames), (FdSearch::Classic, 0));
+        assert_eq!((found.fd, desk.fd_frames), (FdSearch::Classic { asked: 0 }, 0));
         assert_eq!(found.devices.len(), 3, "the classic ones: {found:?}");
     }
 
     #[test]
+    fn search_stopped_by_a_late_classic_frame_counts_its_requests() {
+        for classic_from in [1, 40] {
+            let mut desk = Desk { classic_from, ..desk(false) };
+            let found = scanned(&mut desk, true);
+            let FdSearch::Classic { asked } = found.fd else { panic!("{:?}", found.fd) };
+            // The frame arrives within a request or two.
+            assert!((classic_from..=classic_from + 2).contains(&desk.fd_frames), "{}", desk.fd_frames);
+            assert_eq!(u32::from(asked), desk.fd_frames);
+        }
+    }
+
+    #[test]
     fn no_can_fd_frame_follows_a_bus_error() {
-        for errors_from in [0, 1, 5] {
+        for errors_from in [0, 1, 5, 126] {
             let mut desk = Desk { errors_from, ..desk(false) };
             let found = scanned(&mut desk, true);
             assert_eq!(found.fd, FdSearch::Disturbed { asked: errors_from as u8 });

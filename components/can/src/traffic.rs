@@ -34,7 +34,7 @@ pub struct Record(CanDumpRecord);
 
 /// Error of parsing a line.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{found:?} is not a frame: {message}")]
+#[error("{} is not a frame: {message}", excerpt(found))]
 pub struct RecordError {
     /// Line that failed to parse.
     pub found: String,
@@ -42,6 +42,16 @@ pub struct RecordError {
     pub column: usize,
     /// Reason.
     pub message: String,
+}
+
+/// Returns the beginning of a line in quotes, for a message.
+fn excerpt(line: &str) -> String {
+    // longer than every line with a valid frame of CAN FD
+    const LONGEST: usize = 200;
+    match line.char_indices().nth(LONGEST) {
+        Some((end, _)) => format!("{:?}...", &line[..end]),
+        None => format!("{line:?}"),
+    }
 }
 
 impl RecordError {
@@ -61,7 +71,11 @@ impl FromStr for Record {
             RecordError { found: line.to_string(), column, message }
         };
         match Reader::from_reader(line.as_bytes()).next_record() {
-            Ok(Some(record)) => Ok(Self(record)),
+            // the parser pads data of CAN FD to the next length
+            Ok(Some(record)) => match line.contains("##").then(|| mistake_in_line(line)).flatten() {
+                Some((column, message)) => Err(RecordError { found: line.to_string(), column, message }),
+                None => Ok(Self(record)),
+            },
             Ok(None) => Err(refuse("the line is empty".into())),
             Err(error) => Err(refuse(error.to_string())),
         }
@@ -121,7 +135,13 @@ fn mistake(frame: &str) -> Option<String> {
         let count = digits.div_ceil(2);
         return Some(format!("{count} bytes of data, but a frame {form} has at most {most}"));
     }
-    (digits % 2 == 1).then(|| "the data end with half a byte".to_string())
+    if digits % 2 == 1 {
+        return Some("the data end with half a byte".to_string());
+    }
+    let fits = most == 8 || Frame::LENGTHS.contains(&(digits / 2));
+    (!fits).then(|| {
+        format!("{} bytes of data, expected 0 to 8, 12, 16, 20, 24, 32, 48 or 64 of CAN FD", digits / 2)
+    })
 }
 
 impl Record {
@@ -297,11 +317,21 @@ mod tests {
                 "found 1 bytes after `[2]`, expected 2 of two hexadecimal digits",
             ),
             ("0.5 1 123x Rx d 3 11 22", 1, "expected time, channel, identifier"),
+            (
+                "(0.5) can0 123##1112233445566778899",
+                12,
+                "9 bytes of data, expected 0 to 8, 12, 16, 20, 24, 32, 48 or 64 of CAN FD",
+            ),
         ] {
             let error = Record::of_log(line).err().unwrap_or_else(|| panic!("{line} is read"));
             assert_eq!(error.column, column, "{line}: {error}");
             assert!(error.to_string().contains(words), "{line}: {error}");
         }
+        let long = format!("(0.5) can0 123#{}", "00".repeat(10_000));
+        let error = Record::of_log(&long).expect_err("20,000 digits").to_string();
+        assert!(error.contains("10000 bytes of data") && error.len() < 400, "{error}");
+        let marked = Record::of_log("\u{feff}(0.500000) can0 123#01").expect("a byte order mark");
+        assert_eq!(marked.map(|record| record.to_string()).as_deref(), Some("(0.500000) can0 123#01"));
     }
 
     #[test]

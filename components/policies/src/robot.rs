@@ -1,7 +1,7 @@
 //! Loading of a component's robot.
 
-use motorium::declare::{ConfigError, RobotReference, StepError};
-use motorium_robots::{BasePose, EndEffectorError, FrameId, Loaded, RobotSource};
+use motorium::declare::{ConfigError, Declare, RobotReference, StepError};
+use motorium_robots::{BasePose, EndEffectorError, FrameId, Loaded, ModelWarning, RobotSource};
 
 /// Returns the robot of a component that moves its joints or wheels (`parts`).
 pub(crate) fn required<'a>(
@@ -12,6 +12,14 @@ pub(crate) fn required<'a>(
         ConfigError::new(format!("the component needs the {parts} of a robot, but names no robot"))
             .advise("add `robot = \"NAME\"` to the component")
     })
+}
+
+/// Warns of angles \[rad\] of the setting `key` that were probably written in degrees.
+pub(crate) fn warn_of_angles(key: &str, angles: &[f64], declare: &mut Declare) {
+    let doubt = ModelWarning::of_angles(&format!("`{key}`"), angles, "angles are in radians", None);
+    if let Some(doubt) = doubt {
+        declare.warn(doubt.to_string()).key(key);
+    }
 }
 
 /// Error of a step that reads a joint state of another robot.

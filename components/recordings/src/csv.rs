@@ -42,7 +42,7 @@ pub(crate) fn table(
         }
         let place = Place::line(path, line);
         let Some((names, columns)) = &header else {
-            let names: Vec<String> = record.iter().map(str::to_string).collect();
+            let names: Vec<String> = record.iter().map(|cell| unquoted(cell).to_string()).collect();
             if names.iter().all(|cell| cell.parse::<f64>().is_ok()) {
                 return Err(malformed(
                     place,
@@ -55,7 +55,7 @@ pub(crate) fn table(
             continue;
         };
         if record.len() != names.len() {
-            let found = format!("{} cells", record.len());
+            let found = format!("{} {}", record.len(), if record.len() == 1 { "cell" } else { "cells" });
             return Err(malformed(place, found, &format!("{}, as in the header", names.len())));
         }
         let number = |index: usize| number(&record[index], || place.clone().column(index + 1, &names[index]));
@@ -74,7 +74,8 @@ pub(crate) fn table(
 
 /// Parses a finite number in a cell.
 fn number(cell: &str, place: impl Fn() -> Place) -> Result<f64, RecordingError> {
-    let found = if cell.is_empty() { "nothing".into() } else { format!("`{cell}`") };
+    let cell = unquoted(cell);
+    let found = if cell.is_empty() { "nothing".into() } else { format!("`{}`", excerpt(cell)) };
     let refused = |expected: &str, advice| RecordingError::Malformed {
         place: Box::new(place()),
         found: found.clone(),
@@ -88,8 +89,33 @@ fn number(cell: &str, place: impl Fn() -> Place) -> Result<f64, RecordingError> 
         Err(_) if cell.replacen(',', ".", 1).parse::<f64>().is_ok() => {
             Err(refused("a number", Some("write decimals with a point")))
         }
+        Err(_) if cell.split_whitespace().count() > 1 && cell.split_whitespace().all(is_number) => {
+            Err(refused("a number", Some("separate columns by commas, semicolons or tabs")))
+        }
         Err(_) => Err(refused("a number", None)),
     }
+}
+
+fn is_number(text: &str) -> bool {
+    text.parse::<f64>().is_ok()
+}
+
+/// Removes the quotes of a cell that follow a space.
+fn unquoted(cell: &str) -> &str {
+    cell.strip_prefix('"').and_then(|cell| cell.strip_suffix('"')).unwrap_or(cell)
+}
+
+/// Largest number of characters of a cell in a message.
+const LONGEST_EXCERPT: usize = 40;
+
+/// Returns a cell for a message: its beginning, with control characters escaped.
+fn excerpt(cell: &str) -> String {
+    let shown: String = cell.chars().take(LONGEST_EXCERPT).flat_map(shown).collect();
+    if cell.chars().count() > LONGEST_EXCERPT { format!("{shown}...") } else { shown }
+}
+
+fn shown(c: char) -> Vec<char> {
+    if c.is_control() { c.escape_default().collect() } else { vec![c] }
 }
 
 /// Returns the separator that splits the header and the next line into the same number of cells.

@@ -44,15 +44,13 @@ fn unit(clock: Clock, numbers: &[(Place, f64)]) -> Result<f64, RecordingError> {
     };
     let Unit::Recognised = unit else {
         let Unit::Named(seconds) = unit else { return Ok(1.0) };
-        return Ok(seconds);
+        return named(clock, numbers, seconds).map(|()| seconds);
     };
     let Some((place, last)) = numbers.last() else { return Ok(1.0) };
-    if let Clock::Time(..) = clock {
-        for seconds in [1.0, 1e-3, 1e-6, 1e-9] {
-            if SINCE_1970.contains(&(last * seconds)) && SINCE_1970.contains(&(numbers[0].1 * seconds)) {
-                return Ok(seconds);
-            }
-        }
+    if let Clock::Time(..) = clock
+        && let Some(seconds) = unit_since_1970(numbers[0].1, *last)
+    {
+        return Ok(seconds);
     }
     let interval = match clock {
         Clock::Time(..) => median(numbers.windows(2).map(|pair| pair[1].1 - pair[0].1).collect()),
@@ -69,6 +67,30 @@ fn unit(clock: Clock, numbers: &[(Place, f64)]) -> Result<f64, RecordingError> {
         });
     }
     Ok(1.0)
+}
+
+/// Returns the unit in which two numbers are times since 1970 \[s\], if any.
+fn unit_since_1970(first: f64, last: f64) -> Option<f64> {
+    let fits =
+        |seconds: &f64| SINCE_1970.contains(&(first * seconds)) && SINCE_1970.contains(&(last * seconds));
+    [1.0, 1e-3, 1e-6, 1e-9].into_iter().find(fits)
+}
+
+/// Refuses times with a named unit that are after the year 2286 in it, and times since 1970 in a smaller one.
+fn named(clock: Clock, numbers: &[(Place, f64)], seconds: f64) -> Result<(), RecordingError> {
+    let ([(_, first), ..], Some((place, last)), Clock::Time(..)) = (numbers, numbers.last(), clock) else {
+        return Ok(());
+    };
+    let is_late = first * seconds >= SINCE_1970.end;
+    match unit_since_1970(*first, *last).filter(|unit| is_late && unit < &seconds) {
+        None => Ok(()),
+        Some(_) => Err(RecordingError::Malformed {
+            place: Box::new(place.clone()),
+            found: format!("the time {last} in units of {seconds} s"),
+            expected: "a time before the year 2286".into(),
+            advice: Some("name the unit of the numbers: `time_s`, `time_ms`, `time_us` or `time_ns`"),
+        }),
+    }
 }
 
 fn median(mut numbers: Vec<f64>) -> f64 {

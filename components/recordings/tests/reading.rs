@@ -52,6 +52,9 @@ fn quotes_protect_separators_in_names_and_enclose_numbers() {
     let recording = read_text("x.csv", text, &all()).unwrap();
     assert_eq!(recording.names(), ["force, \"x\"", "y; left"]);
     assert_eq!(column(&recording, 1), [2.0, 4.0]);
+    // spaces before quotes
+    let recording = read_text("x.csv", "\"t\", \"a\"\n\"0\", \"1\"\n1, 2\n", &all()).unwrap();
+    assert_eq!((recording.names(), column(&recording, 0)), (&["a".to_string()][..], vec![1.0, 2.0]));
 }
 
 #[test]
@@ -101,7 +104,7 @@ fn time_comes_from_named_columns_steps_or_a_rate() {
 #[test]
 fn invalid_tables_are_rejected_with_line_and_column() {
     let error = |text: &str| refusal("x.csv", text, &all());
-    assert_eq!(error("t,a\n0,1\n1\n"), "x.csv, line 3: found 1 cells, expected 2, as in the header");
+    assert_eq!(error("t,a\n0,1\n1\n"), "x.csv, line 3: found 1 cell, expected 2, as in the header");
     assert_eq!(
         error("# c\n\nt,a\n0,1\n1,one\n"),
         "x.csv, line 5, column 2 (`a`): found `one`, expected a number"
@@ -111,6 +114,14 @@ fn invalid_tables_are_rejected_with_line_and_column() {
         "x.csv, line 3, column 2 (`a`): found `0,5`, expected a number; write decimals with a point"
     );
     assert!(error("t,a\n0,1\n1,\n").contains("column 2 (`a`): found nothing, expected a number; cut"));
+    let text = error("t a\n0 1\n1 2\n");
+    assert!(
+        text.ends_with("found `0 1`, expected a number; separate columns by commas, semicolons or tabs"),
+        "{text}"
+    );
+    let text = error(&format!("t,a\n0,1\n1,{}\n", "1".repeat(4000)));
+    assert!(text.contains(&format!("found `{}...`, expected a finite number", "1".repeat(40))), "{text}");
+    assert!(error("t,a\n0,1\n\u{0}1,2\n").contains("found `\\u{0}1`, expected a number"));
     assert!(error("1,2\n3,4\n").contains("line 1: found numbers only, expected a header"));
     assert!(error("t,a,a\n0,1,2\n").contains("column 3 (`a`): found a second column `a`"));
     assert!(error("t,a\n0,1\n").contains("found 1 samples, expected at least 2"));
@@ -293,6 +304,15 @@ fn times_of_unknown_unit_are_rejected() {
         refusal("x.csv", &"dt,a\n".chars().chain("10,1\n".repeat(9).chars()).collect::<String>(), &all());
     assert!(error.contains("without a unit"), "{error}");
     assert!((read_text("x.csv", &table("time_s", 10.0), &all()).unwrap().duration() - 990.0).abs() < 1e-9);
+    // a name that contradicts the numbers
+    let late: String = (0..50).map(|k| format!("{},{k}\n", 1_764_300_000_000_i64 + 20 * k)).collect();
+    let error = refusal("x.csv", &format!("time_s,a\n{late}"), &all());
+    assert!(
+        error.contains("found the time 1764300000980 in units of 1 s, expected a time before the year 2286"),
+        "{error}"
+    );
+    let named = read_text("x.csv", &format!("time_ms,a\n{late}"), &all()).unwrap();
+    assert!((named.duration() - 0.98).abs() < 1e-6);
     // a clock that was set
     let late: String = (0..50).map(|k| format!("{},{k}\n", 1_764_300_000.0 + 0.01 * f64::from(k))).collect();
     let error = refusal("x.csv", &format!("t,x\n0,0\n{late}"), &all());

@@ -140,7 +140,7 @@ impl World {
     /// The first mistake found.
     pub fn check<'a>(&self, links: impl Iterator<Item = &'a str> + Clone) -> Result<(), WorldError> {
         for value in self.gravity {
-            finite("world", "gravity", value)?;
+            checks::gravity(value)?;
         }
         for value in self.wind {
             finite("world", "wind", value)?;
@@ -153,6 +153,12 @@ impl World {
         self.height_field()?;
         for (index, object) in self.objects.iter().enumerate() {
             let name = object.name.as_str();
+            if name.is_empty() {
+                return Err(WorldError::Parts {
+                    name: format!("object {index}"),
+                    problem: "its `name` is empty",
+                });
+            }
             let taken = |by| Err(WorldError::NameTaken { name: name.to_owned(), by });
             if name == "ground" {
                 return taken("the ground plane");

@@ -9,13 +9,16 @@ use super::triangle_mesh::TriangleMesh;
 
 const HEADER: usize = 84;
 const FACET: usize = 50;
+/// First word of a text file. Words of text files may be in upper case.
+const SOLID: &[u8] = b"solid";
 
 pub(super) fn parse(bytes: &[u8]) -> Result<TriangleMesh, Fault> {
     // Some binary files start with "solid" like text files; their length distinguishes them.
     let count =
         bytes.get(80..HEADER).map(|count| u32::from_le_bytes([count[0], count[1], count[2], count[3]]));
     let expected = count.map(|count| HEADER + FACET * count as usize);
-    let text = bytes.trim_ascii_start().starts_with(b"solid");
+    let start = bytes.trim_ascii_start().get(..SOLID.len());
+    let text = start.is_some_and(|start| start.eq_ignore_ascii_case(SOLID));
     match expected {
         // The header states fewer triangles than the file contains: it was not updated, or belongs to another
         // file.
@@ -56,7 +59,7 @@ fn ascii(text: &str) -> Result<TriangleMesh, Fault> {
     {
         let mut words = words;
         last = line;
-        match words.next() {
+        match words.next().map(str::to_ascii_lowercase).as_deref() {
             Some("vertex") => {
                 let mut corner = [0.0; 3];
                 for x in &mut corner {
@@ -114,6 +117,15 @@ impl Soup {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn text_may_be_in_upper_case() {
+        let lower = "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1E0 0\nendloop\n\
+                     endfacet\nendsolid a\n";
+        let upper = parse(lower.to_uppercase().as_bytes()).unwrap();
+        assert_eq!(upper, parse(lower.as_bytes()).unwrap());
+        assert_eq!((upper.points.len(), upper.points[2].y), (3, 1.0));
+    }
 
     #[test]
     fn truncated_text_is_rejected() {

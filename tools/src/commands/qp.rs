@@ -10,6 +10,7 @@ use motorium_qp::{
 };
 use motorium_recordings::read_bounded;
 
+use crate::input::decoded;
 use crate::out::outln;
 use crate::report::decimal;
 
@@ -101,7 +102,7 @@ impl Solve {
 
 fn read(path: &Path) -> anyhow::Result<Vec<Stream>> {
     let bytes = read_bounded(path, LONGEST)?;
-    let text = String::from_utf8(bytes).context("the file is not UTF-8")?;
+    let text = decoded(bytes).context("the file is not UTF-8")?;
     Ok(recorded::read_streams(&text)?)
 }
 

@@ -7,7 +7,7 @@ use motorium_bridges::animation;
 use crate::program::{complaint, printed};
 
 /// A second of the Panda that reaches past a post, in lockstep.
-fn recorded(folder: &Path) -> String {
+pub(crate) fn recorded(folder: &Path) -> String {
     let file = folder.join("a.mcap").to_str().expect("a plain path").to_string();
     let graph = concat!(env!("CARGO_MANIFEST_DIR"), "/../graphs/panda-obstacles.toml");
     printed(&["run", graph, "--clock", "lockstep", "--hosting", "inline", "--for", "1s", "--record", &file]);

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use crate::animate::recorded;
 use crate::first_day::{REACH, tried};
 use crate::program::printed;
 
@@ -51,22 +52,32 @@ fn names_that_do_not_fit_the_format_are_refused() {
 }
 
 #[test]
-fn existing_pages_and_tables_are_replaced_on_request_only() {
+fn existing_files_are_replaced_on_request_only() {
     let folder = tempfile::tempdir().expect("a folder");
     let (page, tables) = (folder.path().join("a.html"), folder.path().join("tables"));
     let table = tables.join("joint_states.csv");
+    let file = |name: &str| folder.path().join(name);
+    let (plot, picture, whole, graph) = (file("a.csv"), file("a.svg"), file("whole.mcap"), file("g.svg"));
+    let moving = file("a.png");
+    let recording = recorded(folder.path());
+    let example = ["graph", "--example", "panda-reach", "--format", "svg", "--output", text(&graph)];
     for (arguments, file) in [
-        (["report", FOREIGN, "--output", text(&page)], &page),
-        (["export", FOREIGN, "--output", text(&tables)], &table),
+        (&["report", FOREIGN, "--output", text(&page)][..], &page),
+        (&["export", FOREIGN, "--output", text(&tables)], &table),
+        (&["plot", FOREIGN, "/joint_states.position", "--output", text(&plot)], &plot),
+        (&["robot", "draw", "pendulum", "--output", text(&picture)], &picture),
+        (&["recover", FOREIGN, "--output", text(&whole)], &whole),
+        (&example, &graph),
+        (&["animate", &recording, "--size", "32x32", "--output", text(&moving)], &moving),
     ] {
-        printed(&arguments);
+        printed(arguments);
         std::fs::write(file, "mine").expect("a file");
-        let (code, errors) = tried(&arguments);
+        let (code, errors) = tried(arguments);
         let message = errors.split_whitespace().collect::<Vec<_>>().join(" ");
         assert_eq!(code, Some(1), "{errors}");
         assert!(message.contains("exists: name another file, or replace it with `--overwrite`"), "{errors}");
         assert_eq!(std::fs::read(file).expect("a file"), b"mine");
-        printed(&[&arguments[..], &["--overwrite"]].concat());
+        printed(&[arguments, &["--overwrite"]].concat());
         assert!(std::fs::read(file).expect("a file").len() > 100);
     }
     // tables of another format are other files

@@ -65,14 +65,18 @@ fn png_shows_the_shells_and_refuses_marks() {
     let file = folder.path().join("panda.png");
     let file = file.to_str().expect("a plain path");
     let drawn = |options: &[&str]| {
-        printed(&[&["robot", "draw", "panda", "--size", "120x120", "--output", file], options].concat());
+        printed(
+            &[&["robot", "draw", "panda", "--size", "120x120", "--overwrite", "--output", file], options]
+                .concat(),
+        );
         std::fs::read(file).expect("the picture")
     };
     let (visual, collision) = (drawn(&["--visual"]), drawn(&[]));
     assert!(visual.starts_with(b"\x89PNG") && collision.starts_with(b"\x89PNG") && visual != collision);
     assert!(visual != drawn(&["--visual", "--no-ground"]));
     for option in [&["--com"][..], &["--names"], &["--frames", "all"]] {
-        let said = complaint(&[&["robot", "draw", "panda", "--output", file], option].concat());
+        let said =
+            complaint(&[&["robot", "draw", "panda", "--overwrite", "--output", file], option].concat());
         assert!(said.contains("write an .svg file"), "{said}");
     }
 }

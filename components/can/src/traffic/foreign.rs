@@ -149,6 +149,8 @@ impl Record {
     /// # Errors
     /// Returns an error if the line is not a record.
     pub fn of_log(line: &str) -> Result<Option<Self>, RecordError> {
+        // at the start of a file that an editor on Windows saved
+        let line = line.trim_start_matches('\u{feff}');
         let Some(translated) = translate(line)? else { return Ok(None) };
         // A screen line has no `#`: mistakes are found in its translation.
         let is_screen = line.contains('[');

@@ -241,6 +241,22 @@ fn invalid_databases_are_refused_with_their_position() {
         refused(&KINDS.replace("63|1@1+", "60|8@1+")),
         "the signal `Bit` of the message `Orders`: 8 bits from bit 60, beyond 8 bytes"
     );
+    let message = |signals: &str| format!("VERSION \"\"\nNS_ :\nBS_:\nBU_: A\nBO_ 291 Msg: 8 A\n{signals}");
+    let signal =
+        |name: &str, start: u8, factor: u8| format!(" SG_ {name} : {start}|8@1+ ({factor},0) [0|0] \"\" A\n");
+    let twice = [signal("T", 0, 1), signal("T", 8, 1)].concat();
+    assert_eq!(
+        refused(&message(&twice)),
+        "the signal `T` of the message `Msg`: a second signal has this name, expected distinct names"
+    );
+    assert_eq!(
+        refused(&message(&signal("T", 0, 0))),
+        "the signal `T` of the message `Msg`: its factor is 0, expected another number"
+    );
+    // pages of one name, and a byte order mark
+    let pages = twice.replacen("T :", "T m1 :", 1).replacen("T :", "T m2 :", 1);
+    let pages = format!("\u{feff}{}", message(&format!("{pages} SG_ S M : 16|8@1+ (1,0) [0|0] \"\" A\n")));
+    assert!(Database::parse(&pages).is_ok(), "{:?}", Database::parse(&pages));
     assert_eq!(
         refused(&ODRIVE.replace("Input_Torque : 0|32@1+", "Input_Torque : 0|16@1+")),
         "the signal `Input_Torque` of the message `Set_Input_Torque`: 16 bits, expected 32 to 32"

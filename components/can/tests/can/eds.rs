@@ -225,3 +225,19 @@ fn a_fixed_mapping_must_match() {
     let wrong = WrongSetting::Mapping { index: 0x1600, found: 0x6071_0010, expected: 0x607a_0020 };
     assert_eq!(follow(&read, Some(&is)), (false, Some(wrong)));
 }
+
+#[test]
+fn compact_subobjects_and_comments_behind_values_are_read() {
+    // CiA 306, 4.6.3.2: subobjects share the properties of their object, and `Value` sections list theirs
+    let sheet = Eds::parse(
+        "[1600]\nParameterName=Mapping\nObjectType=0x9\nDataType=0x0007\nAccessType=rw\nDefaultValue=0x1 ; none\n\
+         CompactSubObj=3\n[1600Value]\nNrOfEntries=2\n1=0x60400010\n3=0x607A0020\n[1018sub1]\nDefaultValue=0x10 ; vendor\n",
+    )
+    .expect("a data sheet");
+    let values: Vec<_> = (0..5).map(|subindex| sheet.value(0x1600, subindex, 1)).collect();
+    assert_eq!(values, [Some(3), Some(0x6040_0010), Some(1), Some(0x607a_0020), None]);
+    let writable =
+        |subindex| sheet.entry(Object { index: 0x1600, subindex }).map(|entry| entry.is_writable());
+    assert_eq!((writable(0), writable(2)), (Some(false), Some(true)));
+    assert_eq!(sheet.value(0x1018, 1, 1), Some(16));
+}

@@ -11,6 +11,9 @@ use motorium_robots::{Loaded, ProfileError};
 /// of change, and the gains of the safe states come from the profile. The default gains of a robot without
 /// gains reach full effort at a twentieth of a radian (or metre), with a damping of one tenth of the
 /// stiffness.
+///
+/// A passive joint of the profile gets no gains. No drive can bring it to rest, so it may swing in every safe
+/// state, and the others are at rest without it.
 pub(super) fn of_drives(robot: &Loaded, names: &[String]) -> Result<Vec<JointLimits>, ConfigError> {
     let model = &robot.model;
     let profile = robot.profile.as_ref();
@@ -25,7 +28,9 @@ pub(super) fn of_drives(robot: &Loaded, names: &[String]) -> Result<Vec<JointLim
             return JointLimits::new(name);
         }
         let effort = model.effort_limit()[i].abs();
+        let is_passive = profile.is_some_and(|profile| profile.passive.contains(name));
         let (kp, kd) = match &gains {
+            _ if is_passive => (0.0, 0.0),
             Some(gains) => (gains.kp[i], gains.kd[i]),
             None => default_gains(effort),
         };
@@ -54,6 +59,21 @@ mod tests {
     use motorium_robots::catalogue;
 
     use super::*;
+
+    #[test]
+    fn passive_joints_of_a_profile_without_gains_are_not_held() {
+        let mut robot = motorium_robots::load("cart-pole", std::path::Path::new(".")).expect("it loads");
+        let names = robot.model.joint_names().to_vec();
+        let gains = |robot: &Loaded| -> Vec<(f64, f64)> {
+            of_drives(robot, &names).expect("limits").iter().map(|limits| (limits.kp, limits.kd)).collect()
+        };
+        assert_eq!(gains(&robot), [(20.0, 9.4), (0.0, 0.0)]);
+        let text = "title = \"c\"\nsources = []\njoints = [\"slider\", \"hinge\"]\nhome = \"down\"\npassive = [\"hinge\"]\n\
+                    [poses]\ndown = [0.0, 0.0]\n";
+        robot.profile = Some(motorium_robots::Profile::parse(text).expect("a profile"));
+        let [slider, hinge] = gains(&robot)[..] else { panic!("two joints") };
+        assert!(slider.0 > 0.0 && slider.1 > 0.0 && hinge == (0.0, 0.0), "{slider:?}, {hinge:?}");
+    }
 
     #[test]
     fn catalogue_gains_pass_the_command_gate() {

@@ -1,6 +1,7 @@
 //! The `config` table of `policy.dmp`.
 
 use motorium::component::TakeWeights;
+use motorium::declare::Declare;
 use motorium::units::TimeSpan;
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -9,6 +10,7 @@ use motorium_primitives::dmp::{ObstacleAvoidance, StoredModel};
 use motorium_primitives::reach::Repeat;
 
 use crate::gripper::Gripper;
+use crate::robot::warn_of_angles;
 
 /// Configuration of `policy.dmp`.
 ///
@@ -53,6 +55,17 @@ pub struct DmpPolicyConfig {
     /// Compliance, like a mass, with the force of the input `wrench`. Default: not used.
     #[serde(default)]
     pub yielding: Option<YieldingConfig>,
+}
+
+impl DmpPolicyConfig {
+    /// Warns of orientations that were probably written in degrees.
+    pub(super) fn warn_of_angles(&self, declare: &mut Declare) {
+        let start = self.start.iter().map(|start| ("start.rpy".to_string(), start.rpy));
+        let goals = self.goals.iter().enumerate().map(|(i, goal)| (format!("goals[{i}].rpy"), goal.rpy));
+        for (key, rpy) in start.chain(goals) {
+            warn_of_angles(&key, rpy.as_slice().as_flattened(), declare);
+        }
+    }
 }
 
 /// A pose in the world frame.

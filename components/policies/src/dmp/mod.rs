@@ -82,6 +82,7 @@ impl Component for DmpPolicy {
     fn declare(config: &DmpPolicyConfig, declare: &mut Declare) -> Result<(), ConfigError> {
         let waypoints = Waypoints::new(config, declare.robot())?;
         waypoints.reach()?;
+        config.warn_of_angles(declare);
         StartPose::declare(config, &waypoints, declare)?;
         Couplings::declare(config, declare)?;
         LiveWeights::declare(&waypoints, declare);

@@ -1,5 +1,6 @@
 //! The `config` tables of `policy.trajectory` and `policy.home`.
 
+use motorium::declare::Declare;
 use motorium::units::TimeSpan;
 use motorium_primitives::profile::Shape;
 use motorium_primitives::reach::Repeat;
@@ -10,6 +11,7 @@ use serde::{Deserialize, Deserializer};
 use crate::gripper::Gripper;
 use crate::joint_command::earth;
 use crate::motion_limits::MotionLimitsConfig;
+use crate::robot::warn_of_angles;
 use crate::text_or_table::text_or_table;
 
 /// Configuration of `policy.trajectory`.
@@ -88,6 +90,18 @@ impl Default for HomeConfig {
             tolerance: hundredth(),
             gravity: earth(),
             joint_command: JointDriveConfig::default(),
+        }
+    }
+}
+
+impl TrajectoryConfig {
+    /// Warns of orientations that were probably written in degrees.
+    pub(super) fn warn_of_angles(&self, declare: &mut Declare) {
+        for (index, goal) in self.goals.iter().enumerate() {
+            if let JointGoal::Table(JointGoalConfig { end_effector: Some(pose), .. }) = goal {
+                let key = format!("goals[{index}].end_effector.rpy");
+                warn_of_angles(&key, pose.rpy.as_slice().as_flattened(), declare);
+            }
         }
     }
 }

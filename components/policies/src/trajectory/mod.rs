@@ -101,6 +101,7 @@ impl Component for TrajectoryPolicy {
     fn declare(config: &TrajectoryConfig, declare: &mut Declare) -> Result<(), ConfigError> {
         let plan = Plan::new(config, declare.robot())?;
         driven(config, &plan, declare.robot())?;
+        config.warn_of_angles(declare);
         CommandedJoints::declare(declare);
         LiveGoals::declare(declare);
         declare.may_end_episodes();

@@ -103,7 +103,11 @@ impl Plan {
                         range.start(),
                         range.end()
                     );
-                    return Err(ConfigError::key(format!("goals[{index}]"), message));
+                    let error = ConfigError::key(format!("goals[{index}]"), message);
+                    return Err(match model.degrees_advice(joint, position) {
+                        Some(advice) => error.advise(advice),
+                        None => error,
+                    });
                 }
             }
             goals.push(goal);

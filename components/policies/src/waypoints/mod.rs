@@ -14,6 +14,8 @@ use motorium_primitives::route::{Place, Route, RouteSettings, Stop, turn_between
 use motorium_robots::{MobileBase, Model, Steering};
 use nalgebra::{Quaternion, UnitQuaternion};
 
+use crate::robot::warn_of_angles;
+
 /// A policy that drives a base through planar poses by feedback from its odometry; see [`Route`].
 ///
 /// A goal is reached if the base is within the tolerances at the end of the dwell time. The pose for this
@@ -53,6 +55,9 @@ impl Component for WaypointsPolicy {
 
     fn declare(config: &WaypointsConfig, declare: &mut Declare) -> Result<(), ConfigError> {
         route(config, declare.robot())?;
+        for (index, goal) in config.goals.iter().enumerate() {
+            warn_of_angles(&format!("goals[{index}].yaw"), goal.yaw.as_slice(), declare);
+        }
         declare.may_end_episodes();
         declare.input::<Odometry>("odometry", "pose of the base");
         declare.optional_input::<BaseState>("true_base", "true pose of the base, for evaluating goals");

@@ -3,7 +3,7 @@
 use motorium::component::Component;
 use motorium::launcher::Report;
 use motorium::prelude::*;
-use motorium::testing::{Function, Graph, Instance, Probe};
+use motorium::testing::{Function, Graph, Instance, Probe, Source};
 use motorium_policies::{HomePolicy, TrajectoryPolicy};
 
 const START: [f64; 3] = [0.5, 0.8, 0.8];
@@ -43,6 +43,34 @@ fn number(report: &Report, key: &str) -> f64 {
 
 pub(crate) const LIMITS: &str =
     "limits = { velocity = 1.0, acceleration = 4.0, jerk = [40.0, 50.0, 60.0], fraction = 1.0 }";
+
+#[test]
+fn probable_degrees_of_goals_are_doubted() {
+    let doubts = |roll: f64| {
+        let config = format!(
+            "goals = [{{ end_effector = {{ position = [0.4, 0.0, 0.4], rpy = [{roll}, 0.0, 0.0] }} }}]"
+        );
+        let config: toml::Table = format!("config = {{ {config} }}").parse().unwrap();
+        let policy = Instance::of::<TrajectoryPolicy>("policy")
+            .robot("arm")
+            .trigger("state")
+            .subscribe("joint_state", "state")
+            .publish("joint_command", "command")
+            .set("config", config["config"].clone());
+        let state = Source::new("arm", "state", |_| None::<JointState>);
+        let checked = Graph::new("degrees-test").robot("arm", "panda").with(state).with(policy).check();
+        let warnings = checked.expect("warnings alone").warnings;
+        let warnings = warnings.iter().map(|warning| warning.message().to_string());
+        warnings.filter(|text| text.contains("degrees")).collect::<Vec<_>>()
+    };
+    assert_eq!(doubts(std::f64::consts::PI), Vec::<String>::new());
+    let rule = "angles are in radians: if these are degrees, write 3.1416";
+    assert_eq!(doubts(180.0), [format!("`goals[0].end_effector.rpy` has an angle of 180 rad; {rule}")]);
+
+    let config = "{ goals = [{ position = [90.0, 0.0, 0.0] }] }";
+    let text = graph::<TrajectoryPolicy>(0.0, config).check().expect_err("it is refused").render(false);
+    assert!(text.contains("outside of its range") && text.contains("90 degrees are 1.5708 rad"), "{text}");
+}
 
 /// The commands of a run.
 fn commands<C: Component>(config: &str, time: &str) -> (Vec<JointCommand>, Report) {

@@ -9,6 +9,10 @@ use super::layout::{Layout, Scaling, signed_limit};
 use crate::{Constraint, Problem};
 
 impl Scaling {
+    /// Largest scaled gradient relative to the scaled Hessian. Clarabel calls a problem unbounded if a
+    /// direction violates the limits by less than a millionth of its descent, so a gradient of 1e12 passes
+    /// for unbounded in a box.
+    const LARGEST_GRADIENT: f64 = 1e4;
     /// Smallest diagonal entry of `P` used for scaling, relative to the largest.
     const SMALLEST_CURVATURE: f64 = 1e-8;
 
@@ -57,7 +61,11 @@ impl Scaling {
         }
         let pull = largest(&self.variable, |j| problem.gradient[j]);
         self.length = [reach, pull, 1.0].into_iter().find(|&size| size > 0.0).unwrap_or(1.0);
-        self.cost = if curvature == 0.0 && pull > 0.0 { self.length / pull } else { 1.0 };
+        self.cost = match pull {
+            0.0 => 1.0,
+            _ if curvature == 0.0 => self.length / pull,
+            _ => (Self::LARGEST_GRADIENT * self.length / pull).min(1.0),
+        };
     }
 
     pub(super) fn scale_gradient(&self, problem: &Problem, out: &mut [f64]) {

@@ -256,6 +256,33 @@ fn slight_curvature_ends_the_descent_before_a_distant_bound() {
 }
 
 #[test]
+fn steep_costs_end_at_the_bounds_of_their_box() {
+    // The descent is 1e9 to 1e25 times as steep as the curvature over the box.
+    let corners: [[&[f64]; 3]; 4] = [
+        [&[6.4e-19], &[2.9e-4], &[-666.4]],
+        [&[2.2e-11, 1.0e-11], &[-0.025, -0.27], &[0.53, 0.95]],
+        [&[1.3e-13, 1.8e-19, 2.9e-18], &[-1900.0, 544.0, -1.0e4], &[0.97, -1.5, 1090.0]],
+        [&[1.0, 1.0], &[-1.0e12, 3.0e12], &[2.0, -0.5]],
+    ];
+    for [curvatures, gradient, bounds] in corners {
+        let structure = Structure::new(gradient.len()).bounds(Sides::Both);
+        let mut problem = Problem::new(&structure);
+        for (i, bound) in bounds.iter().enumerate() {
+            problem.hessian[(i, i)] = curvatures[i];
+            problem.gradient[i] = gradient[i];
+            // only the side towards which the cost descends is finite
+            if gradient[i] > 0.0 { problem.lower[i] = *bound } else { problem.upper[i] = *bound }
+        }
+        for outcome in solve(&structure, &problem) {
+            let solution = outcome.unwrap_or_else(|error| panic!("{gradient:?}: {error}"));
+            for (found, expected) in solution.x.iter().zip(bounds) {
+                assert!((found - expected).abs() < 1e-6 * expected.abs(), "{gradient:?}: {found}");
+            }
+        }
+    }
+}
+
+#[test]
 fn solver_stays_usable_after_reaching_iteration_limit() {
     let (structure, problem) = separable(1.0);
     let settings = ClarabelSettings { max_iterations: 2, ..ClarabelSettings::default() };

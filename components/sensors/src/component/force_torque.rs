@@ -10,6 +10,7 @@ use super::config::SensorConfig;
 use super::delivery::Delivery;
 use super::loads::{Axes, TrueLoads};
 use super::readings::refused;
+use super::robot::warn_of_angles;
 use crate::channel::{Channel, ErrorModel, SettingError};
 use crate::randomise::{SensorDraw, SensorRanges};
 
@@ -130,6 +131,7 @@ impl Component for ForceTorque {
         common.declare_readings(WIDTH, declare)?;
         let model = TrueLoads::declare(config.gravity, declare)?;
         let (link, _) = config.locate(&model)?;
+        warn_of_angles("rpy", &config.rpy, declare);
         if carried(&model, link) == 0.0 {
             declare
                 .warn(format!(

@@ -1,7 +1,9 @@
 //! The robot of a component, and the motion of a sensor mount on it.
 
 use motorium::prelude::*;
-use motorium_robots::{BaseMode, BasePose, FrameId, Kinematics, LoadOptions, Loaded, Model, RobotSource};
+use motorium_robots::{
+    BaseMode, BasePose, FrameId, Kinematics, LoadOptions, Loaded, Model, ModelWarning, RobotSource,
+};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -35,6 +37,14 @@ pub(super) fn load(robot: &RobotReference, base: BaseMode) -> Result<Loaded, Con
     };
     let options = LoadOptions { base, ..LoadOptions::default() };
     source.load_with(&options).map_err(|error| ConfigError::new(error.to_string()))
+}
+
+/// Warns of angles \[rad\] of the setting `key` that were probably written in degrees.
+pub(super) fn warn_of_angles(key: &str, angles: &[f64], declare: &mut Declare) {
+    let doubt = ModelWarning::of_angles(&format!("`{key}`"), angles, "angles are in radians", None);
+    if let Some(doubt) = doubt {
+        declare.warn(doubt.to_string()).key(key);
+    }
 }
 
 /// Name of the frame that never moves.
@@ -134,6 +144,8 @@ impl TrueMotion {
         let moved = by_joints(&model, frame, needs);
         let with_base = by_base(&model, frame, needs);
         mount.pose()?;
+        let key = if needs == Needs::Measured { "camera.rpy" } else { "mount.rpy" };
+        warn_of_angles(key, &mount.rpy, declare);
         if !with_base && !moved && needs == Needs::Place {
             return Err(ConfigError::key(
                 "mount.frame",

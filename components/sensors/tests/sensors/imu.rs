@@ -103,6 +103,21 @@ fn at_rest_reads_gravity_in_mount_axes_with_latency() {
 }
 
 #[test]
+fn probable_degrees_of_a_mount_are_doubted() {
+    let doubts = |config: &str| {
+        let warnings = graph(config).0.check().expect("warnings alone").warnings;
+        let warnings = warnings.iter().map(|warning| warning.message().to_string());
+        warnings.filter(|text| text.contains("degrees")).collect::<Vec<_>>()
+    };
+    assert_eq!(doubts("mount = { rpy = [0.0, 1.5708, 3.1416] }"), Vec::<String>::new());
+    let rule = "angles are in radians: if these are degrees, write 1.5708";
+    assert_eq!(
+        doubts("mount = { rpy = [0.0, 90.0, 0.0] }"),
+        [format!("`mount.rpy` has an angle of 90 rad; {rule}")]
+    );
+}
+
+#[test]
 fn noise_and_drop_outs_are_reproducible() {
     let config = "gyroscope = { noise = 0.01 }, drop_out = 0.3, seed = 3";
     let run = || {

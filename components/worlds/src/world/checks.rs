@@ -16,6 +16,14 @@ pub(super) fn finite(owner: &str, field: &'static str, value: f64) -> Result<(),
     check(owner, field, value, value.is_finite(), "a finite number")
 }
 
+/// Largest gravitational acceleration along an axis \[m/s2\]: more than thirty times Jupiter's.
+const STRONGEST_GRAVITY: f64 = 1000.0;
+
+pub(super) fn gravity(value: f64) -> Result<(), WorldError> {
+    let good = value.abs() <= STRONGEST_GRAVITY;
+    check("world", "gravity", value, good, "-1000 to 1000 m/s2")
+}
+
 pub(super) fn positive(owner: &str, field: &'static str, value: f64) -> Result<(), WorldError> {
     check(owner, field, value, value.is_finite() && value > 0.0, "a positive number")
 }

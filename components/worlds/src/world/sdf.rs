@@ -108,7 +108,7 @@ impl Reader<'_> {
         }
     }
 
-    /// Rejects repeated elements that may occur only once.
+    /// Rejects a second value of an element, and a second model or link with the same name.
     fn refuse_repeated(&self, root: Node<'_, '_>) -> Result<(), WorldFileError> {
         for node in elements(root) {
             let name = node.tag_name().name();
@@ -117,6 +117,13 @@ impl Reader<'_> {
             }
             if schema::ONCE.contains(&name) && named(root, name).next() != Some(node) {
                 let text = format!("a second <{name}> in <{}>; keep one", root.tag_name().name());
+                return Err(problem(self.path, node, text));
+            }
+            let same = |other: &Node<'_, '_>| other.attribute("name") == node.attribute("name");
+            if let ("model" | "link", Some(taken)) = (name, node.attribute("name"))
+                && named(root, name).find(same) != Some(node)
+            {
+                let text = format!("a second <{name}> is named \"{taken}\"; give it another name");
                 return Err(problem(self.path, node, text));
             }
             self.refuse_repeated(node)?;

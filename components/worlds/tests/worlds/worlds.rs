@@ -225,6 +225,20 @@ fn sdf_in_degrees_or_millimetres_is_reported() {
 }
 
 #[test]
+fn gravity_in_millimetres_and_empty_names_are_refused() {
+    let refused = |world: World| world.check(std::iter::empty()).expect_err("it is refused").to_string();
+    let gravity = [0.0, 0.0, -9810.0];
+    assert_eq!(
+        refused(World { gravity, ..World::default() }),
+        "world: `gravity` is -9810, expected -1000 to 1000 m/s2"
+    );
+    let shape = ObjectShape::Sphere { radius: 0.1 };
+    let object = |name: &str| Object { name: name.to_owned(), shape: shape.clone(), ..Object::default() };
+    let objects = vec![object("ball"), object("")];
+    assert_eq!(refused(World { objects, ..World::default() }), "object 1: its `name` is empty");
+}
+
+#[test]
 fn keys_next_to_a_file_extend_its_world() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("yard.xml"), MJCF).unwrap();
@@ -373,6 +387,21 @@ fn a_world_of_sdf_is_read_and_robots_in_it_are_refused() {
     let refused = of_file("w.xml", "<tree/>");
     assert!(matches!(refused, Err(WorldError::File(WorldFileError::Format { .. }))), "{refused:?}");
 }
+
+#[test]
+fn models_of_sdf_with_one_name_are_refused() {
+    let model = |name: &str| format!("<model name=\"{name}\"><link name=\"l\">{BALL}</link></model>");
+    let world = |models: &str| {
+        of_file("w.sdf", &format!("<sdf version=\"1.9\"><world name=\"w\">\n{models}</world></sdf>"))
+    };
+    let names = |world: World| world.objects.into_iter().map(|object| object.name).collect::<Vec<_>>();
+    assert_eq!(names(world(&[model("a"), model("b")].concat()).unwrap()), ["a", "b"]);
+    let error = world(&[model("a"), "\n".into(), model("a")].concat()).unwrap_err().to_string();
+    assert!(error.ends_with("w.sdf:3:1: a second <model> is named \"a\"; give it another name"), "{error}");
+}
+
+const BALL: &str =
+    "<collision name=\"c\"><geometry><sphere><radius>0.1</radius></sphere></geometry></collision>";
 
 #[test]
 fn sdf_motion_settings_are_applied_or_reported() {

@@ -13,6 +13,7 @@ use super::structure::{self, Edge, Structure};
 use super::warning::ModelWarning;
 use super::{MimicMode, PackagePath, inertia, joints, transmission, warn_of_model};
 use crate::catalogue;
+use crate::formats::lines::Lines;
 use crate::formats::options::{BaseMode, LoadOptions, ShapeSource};
 use crate::{
     Base, Body, Coordinate, Drive, Frame, Geometry, Inertia, Joint, JointKind, Limits, Model, Shape,
@@ -25,8 +26,10 @@ pub(crate) fn assemble(
     options: &LoadOptions,
 ) -> Result<UrdfRobot, UrdfError> {
     let survey = source::survey(text, options.shapes)?;
-    let robot = urdf_rs::read_from_string(&survey.text)
-        .map_err(|error| UrdfError::new(None, UrdfProblem::Reader(error.to_string())))?;
+    let robot = urdf_rs::read_from_string(&survey.text).map_err(|error| match text.find("<!ENTITY") {
+        Some(at) => UrdfError::new(Lines::new(text).position(at), UrdfProblem::Entity),
+        None => UrdfError::new(None, UrdfProblem::Reader(error.to_string())),
+    })?;
     let structure = structure::structure(&robot, &survey)?;
     let follows = match options.mimic {
         MimicMode::Follow => mimic::resolve(&robot, &survey)?,

@@ -1,4 +1,4 @@
-//! Suspicious parts of a well-formed file: misspelt names, which would be ignored, angles in degrees, and
+//! Suspicious parts of a well-formed file: misspelt and misplaced names, which would be ignored, angles in degrees, and
 //! shapes without a size.
 
 use roxmltree::Node;
@@ -60,12 +60,14 @@ fn entry<'t>(table: &'t [(&str, &'t [&'t str])], node: Node<'_, '_>) -> &'t [&'t
 /// Reports suspicious parts of a robot's links and joints. Visual shapes are not checked.
 pub(super) fn warn_of_doubts(robot: Node<'_, '_>, lines: &Lines<'_>, warnings: &mut Vec<ModelWarning>) {
     let parts = robot.children().filter(|part| part.has_tag_name("link") || part.has_tag_name("joint"));
+    misplaced(robot, lines, warnings);
     for node in parts.flat_map(|part| part.descendants()).filter(Node::is_element) {
         if node.ancestors().any(|ancestor| ancestor.has_tag_name("visual")) {
             continue;
         }
         let at = lines.position(node.range().start);
         misspelt(node, at, warnings);
+        misplaced(node, lines, warnings);
         degrees(node, at, warnings);
         sizes(node, at, warnings);
     }
@@ -92,6 +94,46 @@ fn misspelt(node: Node<'_, '_>, at: Position, warnings: &mut Vec<ModelWarning>) 
         }
         if let Some(expected) = nearest(name, known.iter().copied()) {
             warn(name, expected);
+        }
+    }
+}
+
+/// Parents of each element with a meaning in one place only.
+const PARENTS: &[(&str, &[&str])] = &[
+    ("link", &["robot"]),
+    ("joint", &["robot", "transmission"]),
+    ("inertial", &["link"]),
+    ("visual", &["link"]),
+    ("collision", &["link"]),
+    ("mass", &["inertial"]),
+    ("inertia", &["inertial"]),
+    ("geometry", &["visual", "collision"]),
+    ("origin", &["joint", "inertial", "visual", "collision"]),
+    ("parent", &["joint"]),
+    ("child", &["joint"]),
+    ("axis", &["joint"]),
+    ("limit", &["joint"]),
+    ("mimic", &["joint"]),
+    ("dynamics", &["joint"]),
+    ("safety_controller", &["joint"]),
+];
+
+/// Reports children with a meaning elsewhere only, such as the `<origin>` of a link.
+fn misplaced(node: Node<'_, '_>, lines: &Lines<'_>, warnings: &mut Vec<ModelWarning>) {
+    // elements of other programs have their own rules
+    let is_own = |part: Node<'_, '_>| part.has_tag_name("robot") || !entry(PARENTS, part).is_empty();
+    if !node.ancestors().filter(Node::is_element).all(is_own) {
+        return;
+    }
+    for child in node.children().filter(|child| child.is_element() && child.tag_name().namespace().is_none())
+    {
+        let parents = entry(PARENTS, child);
+        if let [expected, ..] = parents
+            && !parents.contains(&node.tag_name().name())
+        {
+            let (element, found) = (named(node), child.tag_name().name().to_owned());
+            let at = lines.position(child.range().start);
+            warnings.push(ModelWarning::Misplaced { element, found, expected, at });
         }
     }
 }

@@ -42,6 +42,9 @@ pub enum UrdfProblem {
     /// The XML is not well-formed.
     #[error("not well-formed XML: {0}")]
     Xml(String),
+    /// The file uses an entity that it declares.
+    #[error("entities are not supported; write the value of this one where it is used")]
+    Entity,
     /// The file is an unexpanded xacro file.
     #[error("this is a xacro file, not yet URDF; expand it first: xacro IN.urdf.xacro > OUT.urdf")]
     Xacro,

@@ -267,6 +267,21 @@ pub enum ModelWarning {
         /// Position of the element.
         at: Position,
     },
+    /// An element has no effect in its place.
+    #[error(
+        "<{found}> in <{element}> has no effect (line {}, column {}); expected it in <{expected}>",
+        .at.line, .at.column
+    )]
+    Misplaced {
+        /// The surrounding element, and the link or joint it belongs to.
+        element: String,
+        /// Name of the element.
+        found: String,
+        /// Name of the element in which it has an effect.
+        expected: &'static str,
+        /// Position of the element.
+        at: Position,
+    },
     /// An angle exceeds a full revolution, as if given in degrees.
     #[error(
         "{what} has an angle of {angle} rad{}; {format}: if these are degrees, write {:.4}",
@@ -345,7 +360,7 @@ impl ModelWarning {
     /// assert!(several.len() == 1 && several[0].starts_with("joints \"hip\", \"knee\", \"ankle\": effort limit is 0"));
     /// ```
     pub fn summarise(warnings: &[Self]) -> Vec<String> {
-        let mut groups: Vec<(Option<Shared<'_>>, Vec<&str>, String)> = Vec::new();
+        let mut groups: Vec<(Option<Shared<'_>>, Vec<&str>, Vec<&Self>)> = Vec::new();
         for warning in warnings {
             let shared = warning.shared();
             let same = shared.as_ref().and_then(|shared| {
@@ -355,22 +370,28 @@ impl ModelWarning {
                 })
             });
             match (same, &shared) {
-                (Some((_, names, _)), Some(shared)) => {
+                (Some((_, names, members)), Some(shared)) => {
                     if !names.contains(&shared.name) {
                         names.push(shared.name);
                     }
+                    members.push(warning);
                 }
                 _ => {
                     let names = shared.iter().map(|shared| shared.name).collect();
-                    groups.push((shared, names, warning.to_string()));
+                    groups.push((shared, names, vec![warning]));
                 }
             }
         }
-        let text = |(shared, names, alone): (Option<Shared<'_>>, Vec<&str>, String)| match shared {
+        let text = |(shared, names, members): (Option<Shared<'_>>, Vec<&str>, Vec<&Self>)| match shared {
             Some(Shared { part, of_several, .. }) if names.len() > 1 => {
+                let of_several = missing_meshes(&members).unwrap_or(of_several);
                 format!("{part}s \"{}\": {of_several}", names.join("\", \""))
             }
-            _ => alone,
+            Some(Shared { part, name, .. }) => match missing_meshes(&members) {
+                Some(several) => format!("{part} \"{name}\": {several}"),
+                None => members[0].to_string(),
+            },
+            None => members[0].to_string(),
         };
         groups.into_iter().map(text).collect()
     }
@@ -398,6 +419,7 @@ impl ModelWarning {
             Self::TransmissionJoint { .. }
             | Self::CoupledTransmission { .. }
             | Self::Misspelt { .. }
+            | Self::Misplaced { .. }
             | Self::Degrees { .. }
             | Self::NoSize { .. }
             | Self::OversizedObject { .. }
@@ -405,10 +427,7 @@ impl ModelWarning {
             | Self::Ignored { .. } => return None,
         };
         let (defect, of_several) = match self {
-            Self::MissingMesh { uri, tried, at, .. } => {
-                let several = format!("meshes not found, the first, \"{uri}\",{}", searched(uri, tried, at));
-                ("meshes not found".to_owned(), several)
-            }
+            Self::MissingMesh { .. } => ("meshes not found".to_owned(), "meshes not found".to_owned()),
             Self::NoInertia { .. } => {
                 let several = "nothing beyond has inertia: kinematics work, but their forward dynamics is impossible; \
                             give the links an <inertial>";
@@ -468,6 +487,29 @@ fn advice(error: &MeshError) -> &'static str {
 
 fn in_all(count: usize) -> String {
     if count == 1 { String::new() } else { format!(", {count} in all") }
+}
+
+/// Largest number of missing meshes that one message names.
+const NAMED_MESHES: usize = 3;
+
+/// Names several missing meshes with their places; `None` for fewer than two files.
+fn missing_meshes(warnings: &[&ModelWarning]) -> Option<String> {
+    let mut missing: Vec<(&str, &[std::path::PathBuf], &Option<FilePosition>)> = Vec::new();
+    for warning in warnings {
+        if let ModelWarning::MissingMesh { uri, tried, at, .. } = warning
+            && !missing.iter().any(|(known, ..)| known == uri)
+        {
+            missing.push((uri, tried, at));
+        }
+    }
+    let [(uri, tried, _), _, ..] = missing[..] else { return None };
+    let named: Vec<String> =
+        missing.iter().take(NAMED_MESHES).map(|(uri, _, at)| format!("\"{uri}\"{}", reference(at))).collect();
+    let others = match missing.len() - named.len() {
+        0 => String::new(),
+        others => format!(" and {others} more"),
+    };
+    Some(format!("meshes {}{others} not found{}", named.join(", "), searched(uri, tried, &None)))
 }
 
 fn searched(uri: &str, tried: &[std::path::PathBuf], at: &Option<FilePosition>) -> String {

@@ -16,6 +16,7 @@ use super::words::{Interpreter, Words};
 use crate::failure::{Failure, Kind};
 use crate::interrupt::interrupted;
 use crate::out::{errln, outln};
+use crate::output::refuse_existing;
 
 /// Print the frames of CAN buses, in the format of `candump -L`, or write them to a file.
 ///
@@ -41,6 +42,9 @@ pub(super) struct Log {
     /// File to write to [default: standard output]
     #[arg(long, short, value_name = "FILE")]
     output: Option<PathBuf>,
+    /// Replace the file if it exists
+    #[arg(long, requires = "output")]
+    overwrite: bool,
     #[command(flatten)]
     words: Words,
 }
@@ -54,6 +58,7 @@ impl Log {
         if let Some(path) = &self.read {
             return self.print_log(path, &interpreter);
         }
+        self.output.iter().try_for_each(|output| refuse_existing(output, self.overwrite))?;
         let mut listener = Listener::open(self.interfaces.iter().map(String::as_str)).map_err(refused)?;
         let interrupted = interrupted()?;
         let mut file = match &self.output {

@@ -194,13 +194,13 @@ fn devices(found: &Found) -> Vec<Value> {
     found.devices.iter().map(device).collect()
 }
 
-/// Returns the outcome of the search for CAN FD drives, and the number at which it stopped; `null` if it was
+/// Returns the outcome of the search for CAN FD drives, and the number of IDs queried; `null` if it was
 /// not requested.
 fn fd_search(search: FdSearch) -> Value {
     match search {
         FdSearch::NotWanted => Value::Null,
-        FdSearch::Complete => json!({ "outcome": "complete", "asked": 126 }),
-        FdSearch::Classic => json!({ "outcome": "classic", "asked": 0 }),
+        FdSearch::Complete { asked } => json!({ "outcome": "complete", "asked": asked }),
+        FdSearch::Classic { asked } => json!({ "outcome": "classic", "asked": asked }),
         FdSearch::Disturbed { asked } => json!({ "outcome": "disturbed", "asked": asked }),
     }
 }
@@ -228,10 +228,14 @@ fn describe(name: &str, bus: &RealBus, found: &Found) -> String {
         text += &format!("frames of others: {}\n", ids.join(", "));
     }
     text += &match found.fd {
-        FdSearch::NotWanted | FdSearch::Complete => String::new(),
-        FdSearch::Classic => {
+        FdSearch::NotWanted | FdSearch::Complete { .. } => String::new(),
+        FdSearch::Classic { asked: 0 } => {
             "no search for CAN FD drives: a device sends classic frames and may not support CAN FD\n".into()
         }
+        FdSearch::Classic { asked } => format!(
+            "the search for CAN FD drives stopped at {asked} of 126: a device sends classic frames and may not \
+             support CAN FD\n"
+        ),
         FdSearch::Disturbed { asked } => {
             format!("the search for CAN FD drives stopped at {asked} of 126: the bus reported an error\n")
         }

@@ -5,10 +5,9 @@ mod measured;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use anyhow::Context as _;
-
 use super::loading::GraphArgs;
 use crate::out::{out, outln};
+use crate::output::{refuse_existing, write_file};
 use crate::{draw, registry};
 
 /// Draw a graph: components, topics, latency budgets.
@@ -24,12 +23,14 @@ pub(crate) struct Draw {
     /// File to write [default: standard output]
     #[arg(long, short)]
     output: Option<PathBuf>,
+    /// Replace the file if it exists
+    #[arg(long, requires = "output")]
     /// Add measured values: of a running graph (by id or name), or from a report of `motorium run --json`
     /// [default: the newest running graph]
     #[arg(long, value_name = "RUN|REPORT", num_args = 0..=1)]
     measured: Option<Option<String>>,
     /// Print the checked plan as JSON instead
-    #[arg(long, conflicts_with_all = ["output", "measured"])]
+    #[arg(long, conflicts_with_all = ["output", "overwrite", "measured"])]
     json: bool,
 }
 
@@ -45,6 +46,7 @@ enum Format {
 
 impl Draw {
     pub(crate) fn run(self) -> anyhow::Result<ExitCode> {
+        self.output.iter().try_for_each(|output| refuse_existing(output, self.overwrite))?;
         let source = match &self.measured {
             Some(what) => Some(measured::find(what.as_deref())?),
             None => None,
@@ -75,9 +77,7 @@ impl Draw {
             Format::Svg => draw::svg(&plan, measured.as_ref()),
         };
         match self.output {
-            Some(path) => {
-                std::fs::write(&path, text).with_context(|| format!("writing {}", path.display()))?
-            }
+            Some(path) => write_file(&path, text)?,
             None => out!("{text}"),
         }
         Ok(ExitCode::SUCCESS)

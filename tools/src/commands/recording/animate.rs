@@ -10,7 +10,7 @@ use motorium_bridges::recording::film;
 
 use crate::commands::robot::{OBLIQUE, Pictures, View, size};
 use crate::out::errln;
-use crate::output::format;
+use crate::output::{format, refuse_existing, write_file};
 
 /// Maximum number of dots of all pictures, in millions: all are in memory, because they share a palette.
 const MOST: f64 = 200.0;
@@ -29,6 +29,9 @@ pub(crate) struct Animate {
     /// The picture [default: FILE with `.png` in place of `.mcap`]
     #[arg(long, short, value_name = "FILE.png")]
     output: Option<PathBuf>,
+    /// Replace the file if it exists
+    #[arg(long)]
+    overwrite: bool,
     /// Width and height of the picture [default: 640x480]
     #[arg(long, value_name = "WIDTHxHEIGHT", default_value = "640x480", hide_default_value = true, value_parser = size)]
     size: (f64, f64),
@@ -59,6 +62,7 @@ impl Animate {
         anyhow::ensure!((1.0..=50.0).contains(&self.fps), "`--fps` is {}, expected 1 to 50", self.fps);
         let output = self.output.unwrap_or_else(|| self.file.with_extension("png"));
         format(&output, &["png"]).context("moving pictures are animated PNG files")?;
+        refuse_existing(&output, self.overwrite)?;
         let recording = super::opened(&self.file)?;
         let plan = recording.plan()?;
         let (begin_ns, end_ns) = recording.times().with_context(|| {
@@ -93,10 +97,7 @@ impl Animate {
         let [width, height] = pictures.dots();
         let painted: Vec<Vec<u8>> = (0..count).map(|index| pictures.paint(index)).collect();
         let file = animation::encode(width, height, delay_ms as u16, &painted);
-        if let Some(folder) = output.parent() {
-            std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
-        }
-        std::fs::write(&output, &file).with_context(|| format!("writing {}", output.display()))?;
+        write_file(&output, &file)?;
         errln!("{}: {count} pictures, {} kB", output.display(), file.len().div_ceil(1000));
         Ok(ExitCode::SUCCESS)
     }

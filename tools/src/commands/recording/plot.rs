@@ -4,13 +4,12 @@ use std::io::IsTerminal as _;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use anyhow::Context as _;
 use motorium_bridges::quantities::{entries, quantity};
 use motorium_bridges::recording::{Curve, Opened, Recording, Signal, curves};
 
 use crate::chart::{Chart, Series, braille};
 use crate::out::{errln, out};
-use crate::output::format;
+use crate::output::{format, refuse_existing, write_file};
 
 /// Maximum number of points of a curve in a picture: more than the picture has columns.
 const POINTS: usize = 2000;
@@ -35,6 +34,9 @@ pub(crate) struct Plot {
     /// Write a picture (.svg or .png), or the numbers (.csv)
     #[arg(long, short, value_name = "FILE")]
     output: Option<PathBuf>,
+    /// Replace the file if it exists
+    #[arg(long, requires = "output")]
+    overwrite: bool,
     /// Start of the drawn interval, s since the start of the recording
     #[arg(long, value_name = "S", default_value_t = 0.0)]
     from: f64,
@@ -47,6 +49,7 @@ impl Plot {
     pub(crate) fn run(self) -> anyhow::Result<ExitCode> {
         if let Some(output) = &self.output {
             format(output, &FORMATS)?;
+            refuse_existing(output, self.overwrite)?;
         }
         let opened = super::opened_any(&self.file)?;
         let end = self.to.unwrap_or(f64::INFINITY);
@@ -88,10 +91,7 @@ impl Plot {
             "png" => chart.png(),
             _ => chart.csv().into_bytes(),
         };
-        if let Some(folder) = output.parent() {
-            std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
-        }
-        std::fs::write(output, content).with_context(|| format!("writing {}", output.display()))?;
+        write_file(output, content)?;
         errln!("{}: {} curves", output.display(), curves.len());
         Ok(ExitCode::SUCCESS)
     }

@@ -6,6 +6,7 @@ use std::process::ExitCode;
 use motorium_bridges::recording::recover;
 
 use crate::out::{errln, outln};
+use crate::output::refuse_existing;
 use crate::{exit, style};
 
 /// Repair a recording that was cut short by a power failure or a full disk, or whose bytes have changed.
@@ -25,6 +26,9 @@ pub(crate) struct Recover {
     /// The repaired file [default: FILE with `.recovered.mcap` in place of `.mcap`]
     #[arg(long, short, value_name = "FILE")]
     output: Option<PathBuf>,
+    /// Replace the file if it exists
+    #[arg(long)]
+    overwrite: bool,
 }
 
 impl Recover {
@@ -35,6 +39,7 @@ impl Recover {
             "the output {} is the input file: name another file with `--output`",
             self.file.display()
         );
+        refuse_existing(&output, self.overwrite)?;
         let recovered = recover(&self.file, &output)?;
         let is_torn = !recovered.was_whole;
         let (file, messages, bytes) = (output.display(), recovered.messages, recovered.lost_bytes);

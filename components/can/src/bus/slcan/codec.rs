@@ -63,11 +63,8 @@ pub fn write(frame: &Frame, line: &mut [u8; LONGEST]) -> usize {
     length
 }
 
-/// Number of data bytes for each data length code.
-const LENGTHS: [usize; 16] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64];
-
 fn code_of(length: usize) -> u32 {
-    LENGTHS.iter().position(|known| *known == length).unwrap_or(0) as u32
+    Frame::LENGTHS.iter().position(|known| *known == length).unwrap_or(0) as u32
 }
 
 fn hex(number: u32) -> u8 {
@@ -155,7 +152,7 @@ fn frame(line: &[u8]) -> Option<Frame> {
     let id = number(id)?;
     let id = if digits == 3 { Id::standard(id.try_into().ok()?)? } else { Id::extended(id)? };
     let (code, rest) = rest.split_first()?;
-    let length = LENGTHS[number(&[*code])? as usize];
+    let length = Frame::LENGTHS[number(&[*code])? as usize];
     let (bytes, time) = rest.split_at_checked(2 * length)?;
     // an adapter with timestamps appends the milliseconds of the current minute
     if !(time.is_empty() || time.len() == 4 && number(time).is_some()) {

@@ -17,7 +17,7 @@ use motorium_bridges::recording::{Analysis, Opened, Recording, Tolerance, TopicA
 
 use crate::draw::{self, Measured};
 use crate::out::errln;
-use crate::output::refuse_existing;
+use crate::output::{refuse_existing, write_file};
 use crate::report::microseconds;
 use crate::{html, input};
 use topics::is_timed;
@@ -67,10 +67,7 @@ impl Report {
                 (super::log::page(&log), log.channels().len(), duration)
             }
         };
-        if let Some(folder) = output.parent() {
-            std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
-        }
-        std::fs::write(&output, page).with_context(|| format!("writing {}", output.display()))?;
+        write_file(&output, page)?;
         errln!("{}: {topics} topics, {duration:.3} s", output.display());
         Ok(ExitCode::SUCCESS)
     }

@@ -14,13 +14,12 @@ mod world;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use anyhow::Context as _;
 use motorium_robots::{Kinematics, MimicMode, ShapeSource};
 
 use super::check::warn_of_meshes;
 use super::source::ProfiledArgs;
 use crate::out::out;
-use crate::output::format;
+use crate::output::{format, refuse_existing, write_file};
 use camera::Camera;
 pub(in crate::commands) use camera::{OBLIQUE, View};
 pub(in crate::commands) use film::Pictures;
@@ -65,6 +64,9 @@ pub(super) struct Draw {
     /// File to write: .svg or .png [default: standard output]
     #[arg(long, short)]
     output: Option<PathBuf>,
+    /// Replace the file if it exists
+    #[arg(long, requires = "output")]
+    overwrite: bool,
 }
 
 pub(in crate::commands) fn size(text: &str) -> Result<(f64, f64), String> {
@@ -77,6 +79,7 @@ pub(in crate::commands) fn size(text: &str) -> Result<(f64, f64), String> {
 impl Draw {
     pub(super) fn run(self) -> anyhow::Result<ExitCode> {
         let kind = self.output.as_ref().map(|output| format(output, &["svg", "png"])).transpose()?;
+        self.output.iter().try_for_each(|output| refuse_existing(output, self.overwrite))?;
         let opened = match self.visual {
             true => self.robot.open_visual(MimicMode::Follow),
             false => self.robot.open(MimicMode::Follow),
@@ -110,13 +113,7 @@ impl Draw {
             false => picture::svg(model.name(), &scene, &marks, &camera, !self.no_ground).into_bytes(),
         };
         match &self.output {
-            Some(path) => {
-                if let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
-                    std::fs::create_dir_all(folder)
-                        .with_context(|| format!("making {}", folder.display()))?;
-                }
-                std::fs::write(path, picture).with_context(|| format!("writing {}", path.display()))?;
-            }
+            Some(path) => write_file(path, picture)?,
             None => out!("{}", String::from_utf8_lossy(&picture)),
         }
         Ok(ExitCode::SUCCESS)

@@ -37,6 +37,8 @@ pub struct Entry {
     value: Option<Number>,
     low: Option<Number>,
     high: Option<Number>,
+    /// Number of subobjects without sections, which share the properties of this object.
+    compact: u8,
 }
 
 /// Number in a data sheet, optionally relative to the node ID.
@@ -118,6 +120,13 @@ fn object_of(section: &str) -> Option<(u16, u8)> {
     Some((u16::from_str_radix(index, 16).ok()?, subindex?))
 }
 
+/// Parses the name of a section with the values of subobjects, such as `1003Value`. Returns its index.
+fn values_of(section: &str) -> Option<u16> {
+    let lower = section.to_ascii_lowercase();
+    let index = lower.strip_suffix("value").filter(|index| index.len() == 4)?;
+    u16::from_str_radix(index, 16).ok()
+}
+
 impl Eds {
     /// Reads a data sheet.
     ///
@@ -126,6 +135,7 @@ impl Eds {
     pub fn parse(text: &str) -> Result<Self, EdsError> {
         let mut sheet = Self::default();
         let (mut object, mut section) = (None, String::new());
+        let mut values = BTreeMap::new();
         for (line, text) in (1..).zip(text.trim_start_matches('\u{feff}').lines()) {
             let text = text.trim();
             let refuse = |message: String| EdsError { line, message };
@@ -150,18 +160,45 @@ impl Eds {
                 return Err(refuse(format!("{text:?}, expected `Key=Value`")));
             };
             let (key, value) = (key.trim().to_ascii_lowercase(), value.trim());
+            if let (Some(index), Ok(subindex)) = (values_of(&section), key.parse::<u8>()) {
+                values.extend(Number::parse(value).map(|number| ((index, subindex), number)));
+            }
             if section.eq_ignore_ascii_case("DeviceInfo") && key == "productname" {
                 sheet.product = value.into();
             }
             let Some(entry) = object.and_then(|object| sheet.entries.get_mut(&object)) else { continue };
             entry.take(&key, value);
         }
+        sheet.expand_compact(&values);
         sheet.entries.values_mut().for_each(Entry::apply_sign);
         if sheet.entries.is_empty() {
             let message = "no object, expected sections such as `[6040]`".to_string();
             return Err(EdsError { line: 1, message });
         }
         Ok(sheet)
+    }
+
+    /// Adds the subobjects of objects with `CompactSubObj`, with the `values` of their `Value` sections.
+    fn expand_compact(&mut self, values: &BTreeMap<(u16, u8), Number>) {
+        let compact: Vec<_> = self
+            .entries
+            .iter()
+            .filter(|((_, subindex), entry)| *subindex == 0 && entry.compact > 0)
+            .collect();
+        let compact: Vec<_> =
+            compact.into_iter().map(|((index, _), entry)| (*index, entry.clone())).collect();
+        for (index, all) in compact {
+            for subindex in 1..=all.compact {
+                let value = values.get(&(index, subindex)).copied().or(all.value);
+                let entry = Entry { value, compact: 0, ..all.clone() };
+                self.entries.entry((index, subindex)).or_insert(entry);
+            }
+            // the object itself is its number of subobjects
+            let count = Number { adds_node: false, number: all.compact.into() };
+            let (access, name) = ("ro".to_string(), all.name.clone());
+            let own = Entry { name, line: all.line, access, value: Some(count), ..Entry::default() };
+            self.entries.insert((index, 0), own);
+        }
     }
 
     /// Returns the name of the product; empty if it is missing.
@@ -193,7 +230,7 @@ impl Eds {
 impl Entry {
     fn take(&mut self, key: &str, value: &str) {
         // strings, domains and reals have values that are not integers
-        let number = || Number::parse(value);
+        let number = || Number::parse(value.split(';').next().unwrap_or(value));
         match key {
             "parametername" => self.name = value.into(),
             "datatype" => {
@@ -205,6 +242,7 @@ impl Entry {
             "defaultvalue" if self.value.is_none() => self.value = number(),
             // the value of the specific device takes precedence over the default
             "parametervalue" => self.value = number().or(self.value),
+            "compactsubobj" => self.compact = value.parse().unwrap_or(0),
             "lowlimit" => self.low = number(),
             "highlimit" => self.high = number(),
             _ => {}

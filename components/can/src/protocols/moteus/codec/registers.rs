@@ -148,8 +148,7 @@ impl Writer {
     }
 
     pub(super) fn frame(mut self, id: Id) -> Frame {
-        let fits = [0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64];
-        let length = fits.into_iter().find(|fits| *fits >= self.length).unwrap_or(64);
+        let length = Frame::LENGTHS.into_iter().find(|fits| *fits >= self.length).unwrap_or(64);
         self.data[self.length..length].fill(NOTHING);
         Frame::new(id, Form::FdFast, &self.data[..length]).unwrap_or_default()
     }
