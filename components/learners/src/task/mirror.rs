@@ -38,6 +38,12 @@ impl Mirror {
                 Term::BaseAngularVelocity => axes([-1.0, 1.0, -1.0]),
                 Term::Command => axes([1.0, -1.0, -1.0]),
                 Term::JointPositions | Term::JointVelocities | Term::LastAction => joints.clone(),
+                Term::DepthImage | Term::GreyImage => {
+                    let columns = observed.pixels.map_or(1, |[columns, _]| columns.max(1));
+                    let count = policy.width(observed);
+                    let mirrored = |pixel: usize| pixel - pixel % columns + (columns - 1 - pixel % columns);
+                    (0..count).map(|pixel| (mirrored(pixel), 1.0)).collect()
+                }
                 Term::HeightScan | Term::Phase | Term::PointPosition | Term::PointVelocity => {
                     let expected = "a term with a mirror image";
                     return Err(TaskError::value(

@@ -171,6 +171,44 @@ fn all_algorithms_repeat_on_any_number_of_threads() {
     }
 }
 
+const SEEING: &str = include_str!("../../../../tasks/cart-pole-camera.toml");
+
+/// A task with a noisy camera among the observations.
+fn seeing(algorithms: &str) -> Task {
+    let text =
+        SEEING.replace("least = 0.3", "least = 0.3\ndepth = { noise = 0.005, bias = 0.01 }\nlost = 0.05");
+    assert_ne!(text, SEEING);
+    task(&text, algorithms)
+}
+
+#[test]
+fn runs_with_a_camera_repeat_and_resume_bit_for_bit() {
+    for algorithm in [Algorithm::Ppo, Algorithm::Sac] {
+        let task = seeing(&tiny(algorithm));
+        let run = |seed, threads| finish(&mut *begin(algorithm, &task, (seed, threads)).expect("a run"));
+        let straight = run(1, 1);
+        assert_eq!(run(1, 1), straight, "{algorithm:?}: a second run");
+        assert_eq!(run(1, 2), straight, "{algorithm:?}: two threads");
+        assert_ne!(run(2, 1), straight, "{algorithm:?}: another seed");
+        let mut half = begin(algorithm, &task, (1, 2)).expect("a run");
+        half.advance().expect("an update");
+        half.advance().expect("an update");
+        assert!(!half.is_finished(), "{algorithm:?}");
+        let checkpoint = half.checkpoint().expect("a checkpoint");
+        let mut resumed = begin(algorithm, &task, (77, 1)).expect("a run");
+        resumed.restore(&checkpoint).expect("the checkpoint of an equal run");
+        assert_eq!(finish(&mut *resumed), straight, "{algorithm:?}: resumed");
+    }
+}
+
+#[test]
+fn ppo_learns_to_balance_by_sight() {
+    let settings =
+        "[ppo]\nsteps = 49152\nworlds = 16\nhorizon = 64\nminibatch = 256\nrate = 1e-3\nhidden = [32]";
+    let [random, trained] = returns(Algorithm::Ppo, SEEING, settings);
+    assert_balances(random, trained);
+}
+
 #[test]
 fn all_algorithms_resume_bit_for_bit() {
     for algorithm in Algorithm::ALL {
