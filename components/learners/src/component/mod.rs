@@ -338,7 +338,9 @@ impl Component for LearnerTask {
     }
 
     fn result(&self) -> Option<serde_json::Value> {
-        let mut result = self.score.report();
+        let is_running = matches!(self.phase, Phase::Running { .. });
+        let steps = [if is_running { self.trial.step() } else { 0 }, self.terms.steps()];
+        let mut result = self.score.report(steps.map(|steps| self.terms.time(steps)));
         result["steps_without_measurements_or_actions"] = json!(self.waiting);
         Some(result)
     }
@@ -348,9 +350,9 @@ impl LearnerTask {
     fn begin(&mut self, episode: &Episode) {
         (self.episode, self.seed, self.phase) = (episode.index, episode.seed, Phase::Before);
         self.actions.iter_mut().for_each(|held| held.time = None);
+        self.inputs.images.reset();
     }
 
-        self.inputs.images.reset();
     /// Stores an action published since the last step.
     fn read_action(&mut self) -> Result<(), StepError> {
         let Some(action) = self.inputs.action.next_unread() else { return Ok(()) };
