@@ -7,10 +7,11 @@ use motorium_models::safetensors;
 use crate::target::{files, target};
 
 /// Folders with networks and policies.
-const FOLDERS: [&str; 8] = [
+const FOLDERS: [&str; 9] = [
     "fixtures",
     "fixtures/isaac-lab",
     "fixtures/leapp",
+    "graphs/cart-pole-camera",
     "graphs/cart-pole-policy",
     "graphs/policies/quadruped-ppo",
     "graphs/policies/quadruped-trot",

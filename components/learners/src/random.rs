@@ -53,6 +53,8 @@ pub enum Purpose {
     Measurement = 15,
     /// Delay of actions.
     Delay = 16,
+    /// Noise of cameras.
+    Camera = 17,
 }
 
 /// Position in a training run for which random numbers are generated.

@@ -202,6 +202,11 @@ impl<E: Engine> Simulation<E> {
         Self::of_robots([robot.into()], world, q, options)
     }
 
+    /// Returns the world around the robot.
+    pub fn world(&self) -> &World {
+        &self.world
+    }
+
     /// Creates a simulation of several robots in `world`, one [`Articulation`] each, at rest. `q` is their
     /// configurations, one after the other. Names of links and joints must differ
     /// ([`Model::prefixed`](motorium_robots::Model::prefixed)).

@@ -8,6 +8,7 @@
 //! - [`ranging`]: rays of distance sensors, and their errors.
 //! - [`pinhole`]: cameras without distortion. [`rendering`]: camera images. [`blob`]: detection of a coloured
 //!   object in images.
+//! - [`scenery`]: robot and world as the shapes that rays hit.
 //! - [`randomise`]: parameters sampled for every episode.
 //! - [`delay`]: delay of readings by their latency.
 //! - [`noise`]: reproducible Gaussian noise.
@@ -56,6 +57,7 @@ pub mod pinhole;
 pub mod randomise;
 pub mod ranging;
 pub mod rendering;
+pub mod scenery;
 
 pub use component::merge::JointMerge;
 pub use component::{JointEncoder, kinds};

@@ -14,7 +14,17 @@ const BETWEEN_WINGS: [(&str, &[&str]); 9] = [
     ("models", &["algebra", "networks"]),
     (
         "learners",
-        &["algebra", "primitives", "library", "locomotion", "models", "physics", "recordings", "worlds"],
+        &[
+            "algebra",
+            "primitives",
+            "library",
+            "locomotion",
+            "models",
+            "physics",
+            "recordings",
+            "sensors",
+            "worlds",
+        ],
     ),
     ("physics", &["worlds"]),
     ("policies", &["primitives", "library", "models", "learners", "recordings"]),

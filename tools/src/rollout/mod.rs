@@ -234,7 +234,8 @@ impl Rollout {
         let mut total = 0.0;
         for (reward, found) in self.rewards.iter().zip(figures) {
             let Some(value) = found.found.as_f64() else {
-                let problem = found.problem.clone().unwrap_or_else(|| format!("found {}", found.found));
+                let problem = reason(report, &reward.figure).or_else(|| found.problem.clone());
+                let problem = problem.unwrap_or_else(|| format!("found {}", found.found));
                 let reason = format!("`{}`: {problem}, expected a number", reward.figure);
                 return Ok(Evaluation::failed(Outcome::NoValue, reason));
             };
@@ -242,6 +243,16 @@ impl Rollout {
         }
         Ok(Evaluation::finished(total))
     }
+}
+
+/// Returns the reason that the component of a figure states for figures without a value: `no_value` of its
+/// result.
+fn reason(report: &Report, figure: &str) -> Option<String> {
+    let (component, path) = figure.split_once('.')?;
+    let result = report.results.get(component)?;
+    // a misspelt figure is reported by its name
+    result.get(path).filter(|value| value.is_null())?;
+    result.get("no_value")?.as_str().map(str::to_owned)
 }
 
 /// Returns the cores that this program may run on.

@@ -1,10 +1,12 @@
 //! `learner.task`: a task in a graph, and the topic with the progress of a training run.
 
 mod config;
+mod images;
 mod progress;
 mod score;
 
 pub use config::LearnerTaskConfig;
+pub use images::ImageInputs;
 pub use progress::{FeedError, LearningProgress, PROGRESS_TOPIC, ProgressFeed};
 
 use std::path::Path;
@@ -25,7 +27,10 @@ use serde_json::json;
 
 use crate::files;
 use crate::random::Counter;
-use crate::task::{RobotState, Task, TaskError, Terms, Trial};
+use crate::task::{MAX_IMAGE, RobotState, Task, TaskError, Terms, Trial};
+
+// an image of a task fits into an observation
+const _: () = assert!(MAX_IMAGE == MAX_OBSERVATION);
 
 /// Maximum number of unread values in a stream.
 const CAPACITY: usize = 16;
@@ -72,6 +77,7 @@ struct Inputs {
     action: Input<Action>,
     base: Option<Input<BaseState>>,
     contacts: Option<Input<Contacts>>,
+    images: ImageInputs,
 }
 
 /// An action and its publication time \[ns\]; `None` before the first action of the episode.
@@ -201,6 +207,7 @@ impl Component for LearnerTask {
         if !terms.links().is_empty() {
             declare.input::<Contacts>("contacts", "contact points on the robot");
         }
+        ImageInputs::declare(terms.policy(), declare);
         let doc = "observation after each step, the first one before the first action";
         declare.stream_output::<Observation>("observation", CAPACITY, doc);
         declare.stream_output::<Reward>(
@@ -226,6 +233,7 @@ impl Component for LearnerTask {
             action: setup.input("action")?,
             base: terms.needs_base().then(|| setup.input("base_state")).transpose()?,
             contacts: (!links.is_empty()).then(|| setup.input("contacts")).transpose()?,
+            images: ImageInputs::open(terms.policy(), setup)?,
         };
         let held = Held { time: None, value: vec![0.0; terms.actions()] };
         Ok(Self {
@@ -258,7 +266,7 @@ impl Component for LearnerTask {
         if self.phase == Phase::Over {
             return Ok(());
         }
-        if !self.inputs.are_fresh(self.state_timeout) {
+        if !self.inputs.are_fresh(self.state_timeout)? {
             self.waiting += 1;
             return Ok(());
         }
@@ -278,6 +286,7 @@ impl Component for LearnerTask {
             height,
             forces: &self.forces,
             objects: &[],
+            images: self.inputs.images.pixels(),
         };
         let (terms, trial) = (&self.terms, &mut self.trial);
         let since = if let Phase::Running { since } = self.phase { since } else { u64::MAX };
@@ -329,7 +338,9 @@ impl Component for LearnerTask {
     }
 
     fn result(&self) -> Option<serde_json::Value> {
-        let mut result = self.score.report();
+        let is_running = matches!(self.phase, Phase::Running { .. });
+        let steps = [if is_running { self.trial.step() } else { 0 }, self.terms.steps()];
+        let mut result = self.score.report(steps.map(|steps| self.terms.time(steps)));
         result["steps_without_measurements_or_actions"] = json!(self.waiting);
         Some(result)
     }
@@ -339,6 +350,7 @@ impl LearnerTask {
     fn begin(&mut self, episode: &Episode) {
         (self.episode, self.seed, self.phase) = (episode.index, episode.seed, Phase::Before);
         self.actions.iter_mut().for_each(|held| held.time = None);
+        self.inputs.images.reset();
     }
 
     /// Stores an action published since the last step.
@@ -384,11 +396,12 @@ fn is_fresh<T: StateBuffer>(input: &mut Input<T>, longest: u64) -> bool {
 
 impl Inputs {
     /// Reads all measurements. Returns `false` if one is missing or older than `longest` \[ns\].
-    fn are_fresh(&mut self, longest: u64) -> bool {
-        let Self { joints, base, contacts, .. } = self;
-        is_fresh(joints, longest)
+    fn are_fresh(&mut self, longest: u64) -> Result<bool, StepError> {
+        let Self { joints, base, contacts, images, .. } = self;
+        Ok(images.read(longest)?
+            && is_fresh(joints, longest)
             && base.as_mut().is_none_or(|input| is_fresh(input, longest))
-            && contacts.as_mut().is_none_or(|input| is_fresh(input, longest))
+            && contacts.as_mut().is_none_or(|input| is_fresh(input, longest)))
     }
 
     /// Returns the motion and height \[m\] of the base; zero if no term needs them.

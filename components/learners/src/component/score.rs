@@ -33,8 +33,12 @@ impl Score {
         } += 1;
     }
 
-    /// Returns the result of the component.
-    pub(super) fn report(&self) -> Value {
+    /// Returns the result of the component, with the reason for missing returns from the time of the running
+    /// episode and its longest duration \[s\].
+    pub(super) fn report(&self, [time, duration]: [f64; 2]) -> Value {
+        let no_value = (self.episodes == 0).then(|| {
+            format!("no episode ended: the run covers {time:.2} s of one, which lasts up to {duration} s")
+        });
         let some = |value: f64| (self.episodes > 0).then_some(value);
         json!({
             "episodes": self.episodes,
@@ -45,6 +49,7 @@ impl Score {
             "failures": self.failures,
             "successes": self.successes,
             "truncations": self.truncations,
+            "no_value": no_value,
         })
     }
 }
@@ -56,10 +61,16 @@ mod tests {
     #[test]
     fn statistics_cover_finished_episodes() {
         let mut score = Score::default();
-        assert_eq!(score.report()["mean_return"], Value::Null);
+        let report = score.report([2.98, 8.0]);
+        assert_eq!(report["mean_return"], Value::Null);
+        assert_eq!(
+            report["no_value"],
+            "no episode ended: the run covers 2.98 s of one, which lasts up to 8 s"
+        );
         score.add(-2.0, 10, End::Failure);
         score.add(5.0, 30, End::Truncated);
-        let report = score.report();
+        let report = score.report([0.5, 8.0]);
+        assert_eq!(report["no_value"], Value::Null);
         assert_eq!((&report["mean_return"], &report["mean_length"]), (&json!(1.5), &json!(20.0)));
         assert_eq!((&report["lowest_return"], &report["highest_return"]), (&json!(-2.0), &json!(5.0)));
         let ends = ["failures", "successes", "truncations"].map(|key| report[key].as_u64());

@@ -49,7 +49,7 @@ impl Episode {
             wheels: stage.wheels.clone(),
             drives: vec![[1.0; 2]; drives],
             delay: 0,
-            surroundings: Surroundings::new(terms),
+            surroundings: stage.surroundings(),
         }
     }
 
@@ -71,6 +71,7 @@ impl Episode {
         let seed = seed.unwrap_or_else(|| counter.number(Purpose::Start));
         self.delay = stage.delay(counter);
         stage.begin(simulation, (counter, seed), &mut self.drives)?;
+        self.surroundings.begin(counter);
         if let Some(wheels) = &mut self.wheels {
             wheels.begin(&simulation.positions()[..wheels.position().len()]);
         }

@@ -5,6 +5,7 @@
 //! world and the number of the episode.
 
 mod episode;
+mod eyes;
 mod scene;
 mod stage;
 mod vector;

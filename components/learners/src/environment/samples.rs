@@ -59,10 +59,11 @@ fn rest(task: &Task, seed: u64) -> EpisodeSummary {
 }
 
 /// The tasks, and the end and the least number of steps of an episode of zero actions.
-const TASKS: [(&str, End, usize); 11] = [
+const TASKS: [(&str, End, usize); 12] = [
     ("acrobot", End::Truncated, 200),
     ("ball-in-cup", End::Truncated, 200),
     ("cart-pole", End::Failure, 10),
+    ("cart-pole-camera", End::Failure, 10),
     ("cart-pole-masked", End::Failure, 10),
     ("humanoid-stand", End::Failure, 20),
     ("pendulum", End::Truncated, 200),

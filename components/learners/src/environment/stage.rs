@@ -10,6 +10,7 @@ use nalgebra::{Point3, Vector3};
 use rand::RngExt as _;
 
 use super::EnvironmentError;
+use super::eyes::Eyes;
 use crate::random::{Counter, Purpose};
 use crate::task::{PointMotion, Pushes, Rhythm, RobotState, Task, TaskError, Terms};
 
@@ -21,6 +22,8 @@ pub(super) struct Stage {
     pub(super) wheels: Option<RobotWheels>,
     /// The objects whose motion is measured.
     objects: Vec<ObjectId>,
+    /// Cameras, before an episode.
+    eyes: Option<Eyes>,
     draws: Option<Draws>,
     /// Pushes, and the link of the base.
     pushes: Option<(Pushes, FrameId)>,
@@ -73,13 +76,14 @@ pub(super) struct Surroundings {
     forces: Vec<f64>,
     /// Motion of each measured object.
     objects: Vec<PointMotion>,
+    eyes: Option<Eyes>,
 }
 
 impl Surroundings {
-    pub(super) fn new(terms: &Terms) -> Self {
-        Self {
-            forces: vec![0.0; terms.links().len()],
-            objects: vec![PointMotion::default(); terms.objects().len()],
+    /// Starts an episode.
+    pub(super) fn begin(&mut self, counter: Counter) {
+        if let Some(eyes) = &mut self.eyes {
+            eyes.begin(counter);
         }
     }
 }
@@ -96,6 +100,7 @@ impl Stage {
             })
         });
         let objects = objects.collect::<Result<_, _>>()?;
+        let eyes = Eyes::new(task, &terms, simulation)?;
         let (nq, nv) = (simulation.configuration().len(), simulation.velocity().len());
         let position = task.start.position.clone();
         let velocity = task.start.velocity.clone().unwrap_or_else(|| vec![0.0; nv]);
@@ -143,6 +148,7 @@ impl Stage {
             terms,
             wheels,
             objects,
+            eyes,
             draws,
             pushes,
             delay: task.delay,
@@ -154,6 +160,15 @@ impl Stage {
             decimation: task.decimation,
             step: task.step,
         })
+    }
+
+    /// Returns memory for the measurements of a world.
+    pub(super) fn surroundings(&self) -> Surroundings {
+        Surroundings {
+            forces: vec![0.0; self.terms.links().len()],
+            objects: vec![PointMotion::default(); self.terms.objects().len()],
+            eyes: self.eyes.clone(),
+        }
     }
 
     /// Returns the number of physics steps before an action takes effect in the episode of the counter.
@@ -308,7 +323,7 @@ impl Stage {
     pub(super) fn state<'a, E: Engine>(
         &self,
         simulation: &'a Simulation<E>,
-        Surroundings { forces, objects }: &'a mut Surroundings,
+        Surroundings { forces, objects, eyes }: &'a mut Surroundings,
     ) -> RobotState<'a> {
         for (motion, id) in objects.iter_mut().zip(&self.objects) {
             motion.position = simulation.object_pose(*id).translation.vector.into();
@@ -342,6 +357,7 @@ impl Stage {
             height,
             forces,
             objects,
+            images: eyes.as_mut().map_or(&[], |eyes| eyes.look(simulation)),
         }
     }
 }
@@ -353,7 +369,8 @@ fn wheels<E: Engine>(
     simulation: &Simulation<E>,
 ) -> Result<Option<RobotWheels>, TaskError> {
     let Some(ranges) = terms.twist() else { return Ok(None) };
-    let config = WheelsConfig { gravity: simulation.gravity().into(), ..WheelsConfig::default() };
+    let settings = task.wheels.clone().unwrap_or_default();
+    let config = WheelsConfig { gravity: simulation.gravity().into(), ..settings };
     let longest = config.target_timeout.as_secs_f64();
     let period = task.step * task.decimation as f64;
     if period > longest {

@@ -374,3 +374,53 @@ fn pushes_need_a_floating_base() {
         refused.err()
     );
 }
+
+#[test]
+fn mistakes_in_cameras_are_named() {
+    let text = include_str!("../../../../tasks/cart-pole-camera.toml");
+    let error = |from: &str, to: &str| {
+        assert!(text.contains(from), "{from}");
+        let made = Task::parse(&text.replace(from, to)).map_err(EnvironmentError::from).and_then(|task| {
+            let simulation = Scene::load(&task, Path::new(".")).expect("a scene").simulation()?;
+            Environment::new(&task, simulation, 1, 0)
+        });
+        made.err().map_or_else(String::new, |error| error.to_string())
+    };
+    for (from, to, expected) in [
+        (
+            "camera = \"pole\"",
+            "camera = \"front\"",
+            "`observations[0].camera`: found \"front\", expected a camera of the task: pole",
+        ),
+        ("camera = \"pole\"", "history = 1", "TOML parse error at line 10, column"),
+        (", camera = \"pole\"", "", "`observations[0].camera`: missing"),
+        (
+            "history = 2",
+            "history = 2, pixels = [16, 12]",
+            "`observations[0].pixels`: found [16, 12], expected none",
+        ),
+        ("history = 2", "range = [0.9, 0.3]", "`observations[0].range`: found [0.9, 0.3]"),
+        (
+            "width = 16",
+            "width = 32",
+            "`observations[0].camera`: found 32 x 12 pixels in 2 steps, expected at most 512",
+        ),
+        ("width = 16", "width = 0", "`cameras.pole.width`: 0 x 12 pixels"),
+        ("most = 0.9", "most = 0.2", "`cameras.pole.least`: least = 0.3: expected a distance"),
+        ("most = 0.9", "most = 0.9\nlatency = \"10 ms\"", "`cameras.pole.latency`: found"),
+        ("most = 0.9", "most = 0.9\ndrop_out = 0.1", "`cameras.pole.drop_out`: found 0.1"),
+        ("most = 0.9", "most = 0.9\nseed = 3", "`cameras.pole.seed`: found 3"),
+        (
+            "most = 0.9",
+            "most = 0.9\nrandomise = { noise = [0.5, 2.0] }",
+            "`cameras.pole.randomise`: found ranges",
+        ),
+        ("most = 0.9", "most = 0.9\nworld = { ground = {} }", "`cameras.pole.world`: found a world"),
+        ("most = 0.9", "most = 0.9\n[cameras.spare]", "`cameras.spare`: found no observation"),
+        ("frame = \"cart\"", "frame = \"waggon\"", "`cameras.pole.mount.frame`: "),
+        ("most = 0.9", "most = 0.9\nzoom = 2.0", "TOML parse error"),
+    ] {
+        let found = error(from, to);
+        assert!(found.starts_with(expected), "{to}: {found}");
+    }
+}

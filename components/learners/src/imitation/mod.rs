@@ -1,10 +1,10 @@
 //! Imitation learning: a network learns the actions of an expert, which is another policy for the same task.
 //!
 //! An iteration steps all worlds, labels every observation with the expert's action, and fits the network to
-//! all labels so far by least squares. In iteration `i`, counted from 0, the expert acts with probability
-//! `beta decay^i`, otherwise the network acts. One iteration in which only the expert acts is behaviour
-//! cloning. Further iterations make it DAgger, whose labels cover the states that the network reaches.
-//! Recorded observations and actions replace the first iteration.
+//! all labels so far: by least squares, or for a task with choices by their cross-entropy. In iteration `i`,
+//! counted from 0, the expert acts with probability `beta decay^i`, otherwise the network acts. One iteration
+//! in which only the expert acts is behaviour cloning. Further iterations make it DAgger, whose labels cover
+//! the states that the network reaches. Recorded observations and actions replace the first iteration.
 //!
 //! Results are bit-for-bit reproducible on any number of threads.
 //!
@@ -31,9 +31,9 @@ pub use run::{Run, RunError, Sources, Summary};
 pub use settings::ImitationSettings;
 
 use crate::environment::{EnvironmentError, VectorEnvironment};
-use crate::learner::{Normaliser, TrainedNetwork};
+use crate::learner::{Head, Normaliser, TrainedNetwork};
 use crate::random::{Counter, Purpose};
-use crate::task::{Task, TaskError};
+use crate::task::{Choices, Task, Terms, best};
 
 /// An imitation algorithm.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -70,7 +70,7 @@ pub struct Progress {
     pub episodes: u64,
     /// Mean return of these episodes; `None` if no episode ended.
     pub mean_return: Option<f64>,
-    /// Mean squared action error in the last pass over the labels.
+    /// Mean squared action error in the last pass over the labels; for choices, the mean cross-entropy.
     pub loss: f64,
 }
 
@@ -81,6 +81,8 @@ pub struct Imitation<E> {
     /// One expert per world; empty if all labels are recorded.
     experts: Vec<PolicyNetwork>,
     regression: Regression,
+    /// Choices of a discrete task, which are labelled by their number.
+    choices: Option<Choices>,
     /// Return of the running episode of each world.
     running: Vec<f64>,
 }
@@ -131,19 +133,13 @@ impl<E: Engine + Send> Imitation<E> {
     ) -> Result<Self, EnvironmentError> {
         settings.check()?;
         let worlds = VectorEnvironment::new(task, (settings.worlds, threads), seed, build)?;
-        if let Some(choices) = worlds.terms().choices() {
-            let expected = "none: imitation fits continuous actions";
-            let found = format!("{} rows", choices.count());
-            return Err(TaskError::value("action.choices", found, expected).into());
-        }
-        let (inputs, active) = (worlds.terms().inputs(), worlds.terms().active_actions());
-        Ok(Self {
-            seed,
-            experts,
-            running: vec![0.0; settings.worlds],
-            regression: Regression::new(inputs, active, settings, seed)?,
-            worlds,
-        })
+        let choices = worlds.terms().choices().cloned();
+        let (inputs, running) = (worlds.terms().inputs(), vec![0.0; settings.worlds]);
+        let regression = match &choices {
+            Some(choices) => Regression::of_choices(inputs, choices.count(), settings, seed)?,
+            None => Regression::new(inputs, worlds.terms().active_actions(), settings, seed)?,
+        };
+        Ok(Self { seed, experts, running, regression, choices, worlds })
     }
 
     /// Adds recorded observations and actions, which contain the actions of an expert. If they are added
@@ -156,8 +152,10 @@ impl<E: Engine + Send> Imitation<E> {
         let terms = self.worlds.terms();
         for recorded in recorded {
             recorded.check([terms.inputs(), terms.actions()])?;
-            let clipped = |action: &f32| terms.targets().clipped(f64::from(*action)) as f32;
-            let labels: Vec<f32> = recorded.actions.iter().map(clipped).collect();
+            let mut labels = Vec::new();
+            for action in recorded.actions.chunks_exact(terms.actions()) {
+                label(terms, action, &mut labels);
+            }
             self.regression.push(&recorded.observations, &labels);
         }
         Ok(())
@@ -196,7 +194,11 @@ impl<E: Engine + Send> Imitation<E> {
 
     /// Returns the trained network for raw observations, with the normalisation merged into its first layer.
     pub fn policy(&self) -> TrainedNetwork {
-        self.regression.policy()
+        let mut policy = self.regression.policy();
+        if let Some(choices) = &self.choices {
+            policy.head = Head::Choice { table: choices.rows().to_vec() };
+        }
+        policy
     }
 
     /// Returns the network and the normalisation of its observations.
@@ -215,23 +217,28 @@ impl<E: Engine + Send> Imitation<E> {
         let (inputs, width) = (self.worlds.terms().inputs(), self.worlds.terms().actions());
         let worlds = self.experts.len();
         let mut actions = vec![0.0; worlds * width];
-        let mut labels = vec![0.0; worlds * width];
+        let mut labels = Vec::new();
         let (mut episodes, mut sum) = (0, 0.0);
         let episode = self.regression.fits();
         for step in 0..self.settings().steps.div_ceil(worlds as u64) {
             let seen = self.worlds.observations();
             let own = self.regression.predict(seen);
+            let outputs = own.len() / worlds;
+            labels.clear();
             for (world, expert) in self.experts.iter_mut().enumerate() {
-                let numbers = world * width..(world + 1) * width;
                 expert.observation_mut().copy_from_slice(&seen[world * inputs..][..inputs]);
-                let targets = self.worlds.terms().targets();
-                for (label, number) in labels[numbers.clone()].iter_mut().zip(expert.run()) {
-                    *label = targets.clipped(f64::from(*number)) as f32;
-                }
+                let first = labels.len();
+                label(self.worlds.terms(), expert.run(), &mut labels);
                 let counter = Counter { seed: self.seed, world: world as u64, episode, step };
                 let acts = counter.stream(Purpose::Mixture).random::<f64>() < beta;
-                let source = if acts { &labels } else { &own };
-                actions[numbers.clone()].copy_from_slice(&source[numbers]);
+                let (labelled, own) = (&labels[first..], &own[world * outputs..][..outputs]);
+                let action = match &self.choices {
+                    Some(choices) if acts => choices.row(labelled[0] as usize),
+                    Some(choices) => choices.row(best(own.iter().copied())),
+                    None if acts => labelled,
+                    None => own,
+                };
+                actions[world * width..][..width].copy_from_slice(action);
             }
             self.regression.push(seen, &labels);
             for (world, step) in self.worlds.step(&actions)?.iter().enumerate() {
@@ -244,6 +251,14 @@ impl<E: Engine + Send> Imitation<E> {
             }
         }
         Ok((episodes, sum))
+    }
+}
+
+/// Appends the label of an action: its numbers within their bounds, or the number of the nearest choice.
+fn label(terms: &Terms, action: &[f32], labels: &mut Vec<f32>) {
+    match terms.choices() {
+        Some(choices) => labels.push(choices.nearest(action) as f32),
+        None => labels.extend(action.iter().map(|number| terms.targets().clipped(f64::from(*number)) as f32)),
     }
 }
 

@@ -1,12 +1,12 @@
-//! Least-squares regression of a network to labelled observations.
+//! Regression of a network to labelled observations: by least squares, or by cross-entropy for choices.
 
 use motorium_models::networks::{Adam, Perceptron};
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVectorViewMut};
 use rand::seq::SliceRandom as _;
 
 use super::error::ImitationError;
 use super::settings::ImitationSettings;
-use crate::learner::{Head, Normaliser, TrainedNetwork, layer_sizes, numbers_sha256};
+use crate::learner::{Head, Normaliser, TrainedNetwork, layer_sizes, log_sum, numbers_sha256};
 use crate::random::{Counter, Purpose};
 use crate::task::TaskError;
 
@@ -37,6 +37,8 @@ pub struct Regression {
     normaliser: Normaliser,
     /// Outputs that contribute to the loss.
     active: Vec<bool>,
+    /// `true` if a label is the number of a choice, whose logit is an output of the network.
+    is_choice: bool,
     inputs: usize,
     observations: Vec<f32>,
     labels: Vec<f32>,
@@ -58,6 +60,29 @@ impl Regression {
         settings: ImitationSettings,
         seed: u64,
     ) -> Result<Self, TaskError> {
+        Self::with_labels((inputs, active, false), settings, seed)
+    }
+
+    /// Creates a network with random weights and one output for each of `choices` choices: the logarithm of
+    /// its probability, up to a constant. A label is the number of a choice.
+    ///
+    /// # Errors
+    ///
+    /// [`TaskError`] with the key of an invalid setting.
+    pub fn of_choices(
+        inputs: usize,
+        choices: usize,
+        settings: ImitationSettings,
+        seed: u64,
+    ) -> Result<Self, TaskError> {
+        Self::with_labels((inputs, vec![true; choices], true), settings, seed)
+    }
+
+    fn with_labels(
+        (inputs, active, is_choice): (usize, Vec<bool>, bool),
+        settings: ImitationSettings,
+        seed: u64,
+    ) -> Result<Self, TaskError> {
         settings.check()?;
         let sizes = layer_sizes(inputs, &settings.hidden, active.len());
         let mut random = Counter { seed, ..Counter::default() }.stream(Purpose::Weights);
@@ -66,6 +91,7 @@ impl Regression {
             network: Perceptron::random(&sizes, 0.01, &mut random),
             normaliser: Normaliser::new(inputs),
             active,
+            is_choice,
             inputs,
             observations: Vec::new(),
             labels: Vec::new(),
@@ -87,17 +113,25 @@ impl Regression {
 
     /// Returns the number of labels so far.
     pub fn labels(&self) -> usize {
-        self.labels.len() / self.active.len()
+        self.labels.len() / self.label_width()
     }
 
-    /// Adds observations, row by row, with their labels, which are the desired outputs.
+    /// Returns the size of a label.
+    fn label_width(&self) -> usize {
+        if self.is_choice { 1 } else { self.active.len() }
+    }
+
+    /// Adds observations, row by row, and their labels, which are the expected outputs or the numbers of the
+    /// choices.
     ///
     /// # Panics
     ///
-    /// If a row is incomplete or the numbers of rows differ.
+    /// If a row is incomplete, the numbers of rows differ, or there is no such choice.
     pub fn push(&mut self, observations: &[f32], labels: &[f32]) {
         let rows = observations.len() / self.inputs;
-        assert_eq!((rows * self.inputs, rows * self.active.len()), (observations.len(), labels.len()));
+        assert_eq!((rows * self.inputs, rows * self.label_width()), (observations.len(), labels.len()));
+        let is_choice = |label: &f32| (0.0..self.active.len() as f32).contains(label);
+        assert!(!self.is_choice || labels.iter().all(is_choice), "{} choices", self.active.len());
         self.observations.extend_from_slice(observations);
         self.labels.extend_from_slice(labels);
     }
@@ -111,7 +145,8 @@ impl Regression {
         trace.output().as_slice().to_vec()
     }
 
-    /// Fits the network to all labels. Returns the mean squared error of the last pass over them.
+    /// Fits the network to all labels. Returns the mean squared error of the last pass, or the mean
+    /// cross-entropy of choices.
     ///
     /// # Errors
     ///
@@ -124,7 +159,12 @@ impl Regression {
         self.normaliser.apply(&self.observations, &mut scaled);
         let mut adam = Adam::new(&[self.network.parameters()]);
         let mut order: Vec<usize> = (0..self.labels()).collect();
-        let active = self.active.iter().filter(|active| **active).count().max(1);
+        let label_width = self.label_width();
+        // numbers in a label that contribute to the loss
+        let active = match self.is_choice {
+            true => 1,
+            false => self.active.iter().filter(|active| **active).count().max(1),
+        };
         let mut loss = 0.0;
         for epoch in 0..self.settings.epochs as u64 {
             let counter = Counter { seed: self.seed, world: 0, episode: self.fits, step: epoch };
@@ -139,7 +179,15 @@ impl Regression {
                 let trace = self.network.forward(input);
                 let mut gradient = DMatrix::zeros(width, batch.len());
                 for (column, k) in batch.iter().enumerate() {
-                    for (row, label) in self.labels[k * width..][..width].iter().enumerate() {
+                    let labels = &self.labels[k * label_width..][..label_width];
+                    if self.is_choice {
+                        let share = 1.0 / batch.len() as f32;
+                        let (outputs, slopes) = (trace.output().column(column), gradient.column_mut(column));
+                        loss +=
+                            f64::from(cross_entropy(outputs.as_slice(), labels[0] as usize, share, slopes));
+                        continue;
+                    }
+                    for (row, label) in labels.iter().enumerate() {
                         if self.active[row] {
                             let error = trace.output()[(row, column)] - label;
                             loss += f64::from(error * error);
@@ -176,5 +224,43 @@ impl Regression {
     pub fn weights_sha256(&self) -> String {
         let layers = self.policy().layers;
         numbers_sha256(layers.iter().flat_map(|(weights, bias)| [&weights[..], &bias[..]]))
+    }
+}
+
+/// Returns the cross-entropy of a choice for the logits of all choices, and writes its gradient times
+/// `share`.
+fn cross_entropy(logits: &[f32], choice: usize, share: f32, mut slopes: DVectorViewMut<'_, f32>) -> f32 {
+    let total = log_sum(logits);
+    for (k, (slope, logit)) in slopes.iter_mut().zip(logits).enumerate() {
+        *slope = share * ((logit - total).exp() - f32::from(k == choice));
+    }
+    total - logits[choice]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::DVector;
+
+    #[test]
+    fn cross_entropy_matches_its_definition_and_differences() {
+        let logits = [0.3, -1.2, 2.0, 0.9];
+        // in double precision, independent of the code
+        let expected = |logits: &[f32]| {
+            let sum: f64 = logits.iter().map(|logit| f64::from(*logit).exp()).sum();
+            -(f64::from(logits[1]).exp() / sum).ln()
+        };
+        let mut slopes = DVector::zeros(4);
+        let found = cross_entropy(&logits, 1, 0.5, slopes.as_view_mut());
+        assert!((f64::from(found) - expected(&logits)).abs() < 1e-6, "{found}");
+        for k in 0..4 {
+            let moved = |step: f32| {
+                let mut moved = logits;
+                moved[k] += step;
+                expected(&moved)
+            };
+            let slope = 0.5 * (moved(1e-2) - moved(-1e-2)) / 2e-2;
+            assert!((slope - f64::from(slopes[k])).abs() < 1e-4, "{k}: {slope} {}", slopes[k]);
+        }
     }
 }

@@ -106,6 +106,73 @@ fn network_balances_like_its_expert() {
     assert!(found > 0.9 * expected, "{found} steps, the expert {expected}; losses {losses:?}");
 }
 
+/// Returns the cart-pole with a choice for each of some forces.
+fn discrete(forces: &[f64]) -> Task {
+    let rows: Vec<String> = forces.iter().map(|force| format!("[{force:?}, 0.0]")).collect();
+    let choices = format!("[action]\nchoices = [{}]", rows.join(", "));
+    Task::parse(&TASK.replace("[action]", &choices)).expect("a task")
+}
+
+#[test]
+fn choices_are_imitated_by_their_number() {
+    let task = discrete(&[-1.0, -0.6, -0.3, -0.1, 0.0, 0.1, 0.3, 0.6, 1.0]);
+    let plain = Task::parse(TASK).expect("a task");
+    let rows = task.choices().expect("rows").expect("choices");
+    let mut teacher = expert(&plain);
+    let expected = length(|observation| {
+        teacher.observation_mut().copy_from_slice(observation);
+        rows.row(rows.nearest(teacher.run())).to_vec()
+    });
+    assert!(expected > 300.0, "the choices nearest to the expert's forces balance for {expected} steps");
+    let scene = Scene::load(&task, Path::new(".")).expect("a robot");
+    let settings = ImitationSettings { steps: 800, epochs: 150, rate: 3e-3, hidden: vec![16], ..settings() };
+    let begin = |threads| {
+        // labels are the choices nearest to the expert's forces
+        let build = || scene.simulation();
+        Imitation::new(&task, settings.clone(), &expert(&plain), (1, threads), build).expect("a run")
+    };
+    let (mut imitation, mut other) = (begin(1), begin(2));
+    while !imitation.is_finished() {
+        let progress = imitation.advance().expect("an iteration");
+        assert!(progress.loss < 9.0_f64.ln(), "better than chance: {progress:?}");
+        other.advance().expect("an iteration");
+    }
+    assert_eq!(other.weights_sha256(), imitation.weights_sha256(), "two threads");
+    let program = Model::read(&imitation.policy().to_onnx(&[])).and_then(|model| model.program(1));
+    let mut program = program.expect("a network");
+    let found = length(|observation| {
+        program.input_mut(0).copy_from_slice(observation);
+        program.run();
+        let action = program.output(0).to_vec();
+        assert_eq!(rows.row(rows.nearest(&action)), action, "an action is a choice");
+        action
+    });
+    assert!(found > 0.8 * expected, "{found} steps, the expert {expected}");
+}
+
+#[test]
+fn recorded_choices_are_cloned() {
+    let task = discrete(&[-1.0, -0.3, 0.0, 0.3, 1.0]);
+    let scene = Scene::load(&task, Path::new(".")).expect("a robot");
+    let settings = ImitationSettings { epochs: 60, hidden: vec![16], ..settings() };
+    let shown = demonstration(1200);
+    let mut imitation = Imitation::<Articulated>::from_recorded(
+        &task,
+        settings,
+        std::slice::from_ref(&shown),
+        (1, 1),
+        || scene.simulation(),
+    )
+    .expect("a run");
+    let progress = imitation.advance().expect("an iteration");
+    assert_eq!((progress.labels, imitation.is_finished()), (1200, true));
+    let rows = task.choices().expect("rows").expect("choices");
+    let logits = imitation.regression.predict(&shown.observations);
+    let pairs = logits.chunks_exact(5).zip(shown.actions.chunks_exact(2));
+    let equal = pairs.filter(|(logits, action)| best(logits.iter().copied()) == rows.nearest(action)).count();
+    assert!(equal > 1080, "{equal} of 1200 choices");
+}
+
 /// Returns observations and actions of the expert.
 fn demonstration(steps: usize) -> Recorded {
     let task = Task::parse(TASK).expect("a task");

@@ -22,6 +22,7 @@ pub use checkpoint::{CheckpointError, CheckpointReader, CheckpointWriter};
 pub(crate) use chunks::{CHUNK, for_chunks, map_chunks};
 pub use costs::{Costs, Phase, Stopwatch};
 pub(crate) use episodes::Episodes;
+pub(crate) use network::log_sum;
 pub use network::{Head, TrainedNetwork};
 pub use normaliser::Normaliser;
 pub use schedule::LinearSchedule;

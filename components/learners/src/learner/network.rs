@@ -55,7 +55,7 @@ impl TrainedNetwork {
     ///
     /// # Panics
     ///
-    /// If there is no layer, or a choice is combined with recurrent units.
+    /// If there is no layer.
     pub fn to_onnx(&self, metadata: &[(&str, &str)]) -> Vec<u8> {
         let inputs = self.layers[0].0.len() / self.layers[0].1.len();
         let write = |layers: &[(Vec<f32>, Vec<f32>)]| match &self.memory {
@@ -73,12 +73,22 @@ impl TrainedNetwork {
                 layers.push((diagonal, offset.clone()));
                 write(&layers)
             }
-            Head::Choice { table } => {
-                assert!(self.memory.is_none(), "a choice with recurrent units");
-                onnx::write_choice(inputs, &self.layers, Unary::Tanh, table, metadata)
-            }
+            Head::Choice { table } => match &self.memory {
+                Some(memory) => onnx::write_gru_choice(memory, &self.layers, Unary::Tanh, table, metadata),
+                None => onnx::write_choice(inputs, &self.layers, Unary::Tanh, table, metadata),
+            },
         }
     }
+}
+
+/// Returns the logarithm of the sum of exponentials, without overflow.
+pub(crate) fn log_sum(logits: &[f32]) -> f32 {
+    let largest = logits.iter().copied().fold(f32::NEG_INFINITY, f32::max);
+    if !largest.is_finite() {
+        // a network that has diverged must reach the loss
+        return f32::NAN;
+    }
+    largest + logits.iter().map(|logit| (logit - largest).exp()).sum::<f32>().ln()
 }
 
 #[cfg(test)]

@@ -222,7 +222,12 @@ impl<E: Engine + Send> Ppo<E> {
         }
         self.rollout.estimate(worlds, discount as f32, self.settings.lambda as f32);
         if let Some(mirror) = &self.mirror {
-            self.rollout.add_images(mirror);
+            match &self.mirrored_choices[..] {
+                [] => self.rollout.add_images(|action, image| mirror.action(action, image)),
+                images => self.rollout.add_images(|choice, image| {
+                    image[0] = images[choice[0] as usize] as f32;
+                }),
+            }
         }
         self.watch.lap(Phase::Statistics);
         Ok(())

@@ -4,6 +4,7 @@ use rand::{Rng, RngExt as _};
 use rand_distr::{Distribution as _, StandardNormal};
 
 use super::rollout::Spread;
+use crate::learner::log_sum;
 
 /// The distribution of actions around the outputs of a policy.
 #[derive(Clone, Debug)]
@@ -92,16 +93,6 @@ impl Distribution {
             }
         }
     }
-}
-
-/// Logarithm of the sum of exponentials, without overflow.
-fn log_sum(logits: &[f32]) -> f32 {
-    let largest = logits.iter().copied().fold(f32::NEG_INFINITY, f32::max);
-    if !largest.is_finite() {
-        // a network that has diverged must reach the loss
-        return f32::NAN;
-    }
-    largest + logits.iter().map(|logit| (logit - largest).exp()).sum::<f32>().ln()
 }
 
 #[cfg(test)]

@@ -110,6 +110,8 @@ pub struct Ppo<E> {
     active: Vec<bool>,
     /// Mirror of the steps, if images are used.
     mirror: Option<Mirror>,
+    /// The mirror image of each choice, if images are used.
+    mirrored_choices: Vec<usize>,
     adam: Adam,
     state: State,
     rollout: Rollout,
@@ -149,7 +151,7 @@ impl<E: Engine + Send> Ppo<E> {
         let inputs = worlds.terms().inputs();
         let choices = worlds.terms().choices().cloned();
         if choices.is_some() {
-            check_discrete(task, &settings, variant.algorithm)?;
+            check_discrete(task, variant.algorithm)?;
         }
         if variant.uses_episodes {
             settings.horizon = worlds.terms().steps();
@@ -158,6 +160,10 @@ impl<E: Engine + Send> Ppo<E> {
         if settings.mirror && mirror.is_none() {
             return Err(TaskError::value("symmetry", "none", "the symmetry that `mirror` needs").into());
         }
+        let mirrored_choices = match (&mirror, &choices) {
+            (Some(mirror), Some(choices)) => mirror.choices(choices)?,
+            _ => Vec::new(),
+        };
         let active = if choices.is_some() { vec![] } else { worlds.terms().active_actions() };
         let outputs = choices.as_ref().map_or(active.len(), Choices::count);
         let stored = if choices.is_some() { 1 } else { active.len() };
@@ -192,6 +198,7 @@ impl<E: Engine + Send> Ppo<E> {
             deviations,
             active,
             mirror,
+            mirrored_choices,
             adam,
             state,
             rollout,
@@ -324,17 +331,8 @@ impl<E: Engine + Send> Learner for Ppo<E> {
 }
 
 /// Checks the settings of a task with choices.
-fn check_discrete(task: &Task, settings: &PpoSettings, algorithm: Algorithm) -> Result<(), TaskError> {
-    let check = Check(algorithm);
-    check.absent_with_choices(task, "deviation")?;
-    if settings.recurrent > 0 {
-        return Err(check.error("recurrent", settings.recurrent as f64, "0 with `action.choices`"));
-    }
-    if settings.mirror {
-        let key = format!("algorithms.{}.mirror", algorithm.name());
-        return Err(TaskError::value(key, true, "false with `action.choices`"));
-    }
-    Ok(())
+fn check_discrete(task: &Task, algorithm: Algorithm) -> Result<(), TaskError> {
+    Check(algorithm).absent_with_choices(task, "deviation")
 }
 
 #[cfg(test)]

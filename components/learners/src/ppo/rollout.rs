@@ -1,7 +1,6 @@
 //! The samples of an update.
 
 use super::network::Piece;
-use crate::task::Mirror;
 
 /// Steps of all worlds, ordered by step and world.
 #[derive(Clone, Debug)]
@@ -73,13 +72,14 @@ impl Rollout {
         self
     }
 
-    /// Completes the mirror images of all used samples. Their observations must already be present.
-    pub(super) fn add_images(&mut self, mirror: &Mirror) {
+    /// Completes the mirror images of all used samples. Their observations must already be present; `mirror`
+    /// writes the image of a stored action.
+    pub(super) fn add_images(&mut self, mirror: impl Fn(&[f32], &mut [f32])) {
         let samples = self.rewards.len();
         let width = self.actions.len() / self.returns.len();
         let (actions, images) = self.actions.split_at_mut(samples * width);
         for (action, image) in actions.chunks_exact(width).zip(images.chunks_exact_mut(width)) {
-            mirror.action(action, image);
+            mirror(action, image);
         }
         for numbers in [&mut self.log_probabilities, &mut self.advantages, &mut self.returns] {
             numbers.copy_within(..samples, samples);

@@ -206,6 +206,38 @@ fn sequences_divide_the_horizon_and_fit_a_minibatch() {
 }
 
 #[test]
+fn mirrored_choices_are_equally_probable_in_mirrored_states() {
+    let text = include_str!("../../../../tasks/pendulum.toml");
+    let text = format!("{text}\n[symmetry]\nreversed = [\"hinge\"]\n");
+    let text = text.replace("[action]", "[action]\nchoices = [[-1.0], [0.0], [1.0]]");
+    let asymmetry = |mirror: bool| {
+        let settings = PpoSettings { steps: 4096, worlds: 8, horizon: 64, mirror, ..settings() };
+        let mut ppo = run_task(&text, 1, 2, settings);
+        while !ppo.is_finished() {
+            ppo.advance().expect("an update");
+        }
+        let states = (0..40).map(|k| [(0.7 * k as f32).sin(), (1.3 * k as f32).cos()]);
+        let logits = |observation: [f32; 2]| {
+            let mut normal = [0.0; 2];
+            ppo.state.observations.apply(&observation, &mut normal);
+            let column = nalgebra::DMatrix::from_column_slice(2, 1, &normal);
+            ppo.policy.forward(column, Vec::new()).output().as_slice().to_vec()
+        };
+        // difference between the preference for the right and the mirrored preference for the left
+        let [mut odd, mut even] = [0.0; 2];
+        for [x, v] in states {
+            let (one, other) = (logits([x, v]), logits([-x, -v]));
+            let (right, left) = (one[2] - one[0], other[0] - other[2]);
+            odd += (right + left).abs();
+            even += (right - left).abs();
+        }
+        even / odd
+    };
+    let (with, without) = (asymmetry(true), asymmetry(false));
+    assert!(with < 0.5 * without, "{with} {without}");
+}
+
+#[test]
 fn mirrored_pendulum_has_a_nearly_symmetric_policy() {
     let text = include_str!("../../../../tasks/pendulum.toml");
     let text = format!("{text}\n[symmetry]\nreversed = [\"hinge\"]\n");

@@ -128,6 +128,12 @@ impl Choices {
         &self.rows[choice * self.width..][..self.width]
     }
 
+    /// Returns the row with the smallest squared distance from an action, the first one in a tie.
+    pub(crate) fn nearest(&self, action: &[f32]) -> usize {
+        let distance = |row: &[f32]| row.iter().zip(action).map(|(a, b)| (a - b).powi(2)).sum::<f32>();
+        best(self.rows.chunks_exact(self.width).map(|row| -distance(row)))
+    }
+
     /// Returns all rows, one after the other.
     pub fn rows(&self) -> &[f32] {
         &self.rows

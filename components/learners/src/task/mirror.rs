@@ -3,7 +3,7 @@
 use motorium_models::policy::{Policy, Term, TwistRanges};
 use serde::Deserialize;
 
-use super::TaskError;
+use super::{Choices, TaskError};
 
 /// Left-right symmetry of the robot and the task, about the plane of x and z of the base.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
@@ -38,6 +38,12 @@ impl Mirror {
                 Term::BaseAngularVelocity => axes([-1.0, 1.0, -1.0]),
                 Term::Command => axes([1.0, -1.0, -1.0]),
                 Term::JointPositions | Term::JointVelocities | Term::LastAction => joints.clone(),
+                Term::DepthImage | Term::GreyImage => {
+                    let columns = observed.pixels.map_or(1, |[columns, _]| columns.max(1));
+                    let count = policy.width(observed);
+                    let mirrored = |pixel: usize| pixel - pixel % columns + (columns - 1 - pixel % columns);
+                    (0..count).map(|pixel| (mirrored(pixel), 1.0)).collect()
+                }
                 Term::HeightScan | Term::Phase | Term::PointPosition | Term::PointVelocity => {
                     let expected = "a term with a mirror image";
                     return Err(TaskError::value(
@@ -71,6 +77,25 @@ impl Mirror {
     /// Writes the mirror image of an observation.
     pub fn observation(&self, observation: &[f32], image: &mut [f32]) {
         reflect(&self.observation, observation, image);
+    }
+
+    /// Returns the number of the mirror image of each choice.
+    ///
+    /// # Errors
+    ///
+    /// [`TaskError::Value`] if the mirror image of a choice is not a choice.
+    pub(crate) fn choices(&self, choices: &Choices) -> Result<Vec<usize>, TaskError> {
+        let mut image = vec![0.0; choices.width()];
+        let images = (0..choices.count()).map(|choice| {
+            self.action(choices.row(choice), &mut image);
+            let found = (0..choices.count()).find(|other| choices.row(*other) == image);
+            found.ok_or_else(|| {
+                let row = choices.row(choice);
+                let expected = format!("a choice whose mirror image {image:?} is a choice, too");
+                TaskError::value(format!("action.choices[{choice}]"), format!("{row:?}"), expected)
+            })
+        });
+        images.collect()
     }
 
     /// Writes the mirror image of an action.

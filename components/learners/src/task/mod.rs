@@ -32,6 +32,7 @@
 //! # Ok::<(), motorium_learners::task::TaskError>(())
 //! ```
 
+mod cameras;
 mod choices;
 mod command;
 mod mirror;
@@ -44,12 +45,14 @@ mod robot;
 mod terms;
 mod trial;
 
-use motorium_locomotion::wheels::RobotWheelsError;
+use motorium_locomotion::wheels::{RobotWheelsError, WheelsConfig};
 use motorium_models::policy::{ActionKind, Pattern, Policy, PolicyError, RobotDigest};
 use motorium_physics::randomise::{RandomiseConfig, RangeError};
 use motorium_worlds::World;
 use serde::Deserialize;
 
+pub use cameras::Cameras;
+pub(crate) use cameras::{MAX_IMAGE, camera};
 pub use choices::Choices;
 pub(crate) use choices::best;
 pub use command::{CommandRanges, Curriculum};
@@ -91,10 +94,18 @@ pub struct Task {
     pub start: StartState,
     /// Observation terms, in the format of `policy.toml`.
     pub observations: Vec<toml::Value>,
-    /// Action, in the format of `policy.toml`, with the [`choices`](Self::choices) of a discrete action.
+    /// Depth cameras by name, with the keys of `sensor.depth_camera`. An image among the observations names
+    /// its camera, which has the number of pixels and, unless the observation states one, the range. Default:
+    /// none.
+    #[serde(default)]
+    pub cameras: Cameras,
+    /// Action, as in `policy.toml`, and the [`choices`](Self::choices) of a discrete one.
     pub action: toml::Table,
-    /// Pattern generator commanded by the action, in the format of `policy.toml`. Default: the action
-    /// commands the joints.
+    /// Settings of the wheels that a base twist moves, with the keys of `control.wheels`. A graph that runs
+    /// the policy states the same. Default: the defaults of `control.wheels`.
+    pub wheels: Option<WheelsConfig>,
+    /// Pattern generator commanded by the action, as in `policy.toml`. Default: the action commands the
+    /// joints.
     pub pattern: Option<Pattern>,
     /// Terms of the reward, which are added.
     pub rewards: Vec<Reward>,
@@ -177,6 +188,14 @@ pub enum TaskError {
     /// The robot has no wheels that a base twist could command.
     #[error("`robot`: {}{}", .0, .0.help().map_or_else(String::new, |help| format!("\nhelp: {help}")))]
     Wheels(#[from] RobotWheelsError),
+    /// A camera or a setting of the wheels is invalid.
+    #[error("`{key}`: {message}")]
+    Setting {
+        /// The key.
+        key: String,
+        /// Value found, and values allowed.
+        message: String,
+    },
     /// A range of `randomise` cannot be sampled.
     #[error("`randomise.{}`: {}", .0.key, .0.message)]
     Range(RangeError),
@@ -219,8 +238,13 @@ impl Task {
         if task.rewards.is_empty() {
             return Err(TaskError::value("rewards", "none", "at least one term"));
         }
+        task.check_cameras()?;
         let policy = task.policy()?;
+        task.check_images(&policy)?;
         task.choices()?;
+        if let Some(wheels) = &task.wheels {
+            check_wheels(wheels, policy.action.kind)?;
+        }
         if let Some(command) = &task.command {
             command.check()?;
         }
@@ -260,13 +284,13 @@ impl Task {
     ///
     /// # Errors
     ///
-    /// [`TaskError::Parse`] if a term does not serialise.
+    /// [`TaskError`] if the terms do not serialise, or an image is not of a camera of the task.
     pub fn policy_text(&self, robot: Option<RobotDigest>) -> Result<String, TaskError> {
         let mut table = toml::Table::new();
         table.insert("network".into(), NETWORK.into());
         table.insert("rate".into(), self.rate().into());
         table.insert("robot".into(), self.robot.clone().into());
-        table.insert("observations".into(), toml::Value::Array(self.observations.clone()));
+        table.insert("observations".into(), toml::Value::Array(self.described_observations()?));
         let mut action = self.action.clone();
         // the network of a discrete policy puts out the chosen row
         action.remove(CHOICES);
@@ -310,6 +334,29 @@ impl Task {
         }
         Ok(total)
     }
+}
+
+/// Checks the settings of the wheels of a task.
+fn check_wheels(wheels: &WheelsConfig, kind: ActionKind) -> Result<(), TaskError> {
+    if kind != ActionKind::BaseTwist {
+        return Err(TaskError::value("wheels", "settings", "none: the action is not a base twist"));
+    }
+    wheels.check().map_err(|error| TaskError::Setting {
+        key: error.key.map_or_else(|| "wheels".to_owned(), |key| format!("wheels.{key}")),
+        message: error.message,
+    })?;
+    let default = WheelsConfig::default();
+    for (key, is_default, expected) in [
+        ("start", wheels.start == default.start, "none: a task has no odometry"),
+        ("slip", wheels.slip == default.slip, "none: a task has no odometry"),
+        ("gravity", wheels.gravity == default.gravity, "none: it is in `[world]`"),
+        ("state_timeout", wheels.state_timeout == default.state_timeout, "none: states have no age"),
+    ] {
+        if !is_default {
+            return Err(TaskError::value(format!("wheels.{key}"), "a value", expected));
+        }
+    }
+    Ok(())
 }
 
 #[cfg(test)]

@@ -40,6 +40,9 @@ pub struct RobotState<'a> {
     pub forces: &'a [f64],
     /// Motion of each object of [`Terms::objects`].
     pub objects: &'a [PointMotion],
+    /// Pixels of the images that the task observes, as in
+    /// [`Measurements`](motorium_models::policy::Measurements).
+    pub images: &'a [f32],
 }
 
 /// The terms of a task, with joints and links resolved for one robot. They need no simulation: an environment
@@ -189,7 +192,7 @@ impl Terms {
             inputs: policy.inputs()?,
             choices: task.choices()?,
             rhythm: Rhythm::new(&policy)?,
-            mirror: task.symmetry.as_ref().map(|symmetry| Mirror::new(&policy, symmetry)).transpose()?,
+            mirror: task.symmetry.as_ref().map(|symmetry| task.mirror(&policy, symmetry)).transpose()?,
             rewards,
             terminations,
             links,
@@ -259,6 +262,11 @@ impl Terms {
         self.points.objects()
     }
 
+    /// Returns the number of pixels of all images that the task observes.
+    pub fn pixels(&self) -> usize {
+        self.observer.pixels()
+    }
+
     /// Returns `true` if a term needs the motion or the pose of the base.
     pub fn needs_base(&self) -> bool {
         let observes = |term| {
@@ -322,7 +330,7 @@ impl Terms {
     }
 
     /// Returns the time of a step in its episode \[s\].
-    pub(super) fn time(&self, step: usize) -> f64 {
+    pub(crate) fn time(&self, step: usize) -> f64 {
         step as f64 / self.policy.rate
     }
 

@@ -99,6 +99,23 @@ fn policy_of_a_task_has_its_terms() {
 }
 
 #[test]
+fn settings_of_wheels_are_checked() {
+    let text = include_str!("../../../../tasks/rover-velocity.toml");
+    let key = |text: &str| match Task::parse(text).expect_err(text) {
+        TaskError::Value { key, .. } | TaskError::Setting { key, .. } => key,
+        other => panic!("{other}"),
+    };
+    let with = |settings: &str| text.replace("[start]", &format!("[wheels]\n{settings}\n[start]"));
+    assert!(Task::parse(&with("speed = 0.1\nacceleration = 2.0\ntarget_timeout = \"50 ms\"")).is_ok());
+    assert_eq!(key(&with("acceleration = 0.0")), "wheels.acceleration");
+    assert_eq!(key(&with("slip = 0.1")), "wheels.slip");
+    assert_eq!(key(&with("start = { yaw = 1.0 }")), "wheels.start");
+    assert_eq!(key(&with("gravity = [0.0, 0.0, -1.6]")), "wheels.gravity");
+    assert_eq!(key(&with("state_timeout = \"1 s\"")), "wheels.state_timeout");
+    assert_eq!(key(&format!("{TEXT}\n[wheels]\nspeed = 0.1")), "wheels");
+}
+
+#[test]
 fn terminations_are_met_inside_or_outside() {
     let task = Task::parse(TEXT).expect("a task");
     let outside = &task.terminations[0];
@@ -168,6 +185,7 @@ fn quantities_of_a_base_match_their_definitions() {
         height: 0.25,
         forces: &[2.0, 3.5],
         objects: &[],
+        images: &[],
     };
     for (term, expected) in [
         ("term = \"velocity_error\"", 0.5),

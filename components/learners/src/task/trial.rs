@@ -186,6 +186,7 @@ impl Trial {
             last_action: &self.newest,
             heights: &[],
             points: self.points.observed(),
+            images: state.images,
             time: terms.time(self.step),
         });
     }

@@ -171,6 +171,44 @@ fn all_algorithms_repeat_on_any_number_of_threads() {
     }
 }
 
+const SEEING: &str = include_str!("../../../../tasks/cart-pole-camera.toml");
+
+/// A task with a noisy camera among the observations.
+fn seeing(algorithms: &str) -> Task {
+    let text =
+        SEEING.replace("least = 0.3", "least = 0.3\ndepth = { noise = 0.005, bias = 0.01 }\nlost = 0.05");
+    assert_ne!(text, SEEING);
+    task(&text, algorithms)
+}
+
+#[test]
+fn runs_with_a_camera_repeat_and_resume_bit_for_bit() {
+    for algorithm in [Algorithm::Ppo, Algorithm::Sac] {
+        let task = seeing(&tiny(algorithm));
+        let run = |seed, threads| finish(&mut *begin(algorithm, &task, (seed, threads)).expect("a run"));
+        let straight = run(1, 1);
+        assert_eq!(run(1, 1), straight, "{algorithm:?}: a second run");
+        assert_eq!(run(1, 2), straight, "{algorithm:?}: two threads");
+        assert_ne!(run(2, 1), straight, "{algorithm:?}: another seed");
+        let mut half = begin(algorithm, &task, (1, 2)).expect("a run");
+        half.advance().expect("an update");
+        half.advance().expect("an update");
+        assert!(!half.is_finished(), "{algorithm:?}");
+        let checkpoint = half.checkpoint().expect("a checkpoint");
+        let mut resumed = begin(algorithm, &task, (77, 1)).expect("a run");
+        resumed.restore(&checkpoint).expect("the checkpoint of an equal run");
+        assert_eq!(finish(&mut *resumed), straight, "{algorithm:?}: resumed");
+    }
+}
+
+#[test]
+fn ppo_learns_to_balance_by_sight() {
+    let settings =
+        "[ppo]\nsteps = 49152\nworlds = 16\nhorizon = 64\nminibatch = 256\nrate = 1e-3\nhidden = [32]";
+    let [random, trained] = returns(Algorithm::Ppo, SEEING, settings);
+    assert_balances(random, trained);
+}
+
 #[test]
 fn all_algorithms_resume_bit_for_bit() {
     for algorithm in Algorithm::ALL {
@@ -369,6 +407,26 @@ fn discrete_runs_repeat_and_resume_bit_for_bit() {
 }
 
 #[test]
+fn memories_and_mirrors_of_choices_repeat_and_resume() {
+    let recurrent = task(&discrete(), &format!("{}\nrecurrent = 6\nsequence = 8", tiny(Algorithm::Ppo)));
+    let text = PENDULUM.replace(
+        "[action]",
+        "[symmetry]\nreversed = [\"hinge\"]\n[action]\nchoices = [[-1.0], [0.25], [1.0], [-0.25]]",
+    );
+    let mirrored = task(&text, &format!("{}\nmirror = true", tiny(Algorithm::Ppo)));
+    for (name, task) in [("recurrent", recurrent), ("mirrored", mirrored)] {
+        let straight = finish(&mut *begin(Algorithm::Ppo, &task, (1, 1)).expect("a run"));
+        let mut half = begin(Algorithm::Ppo, &task, (1, 2)).expect("a run");
+        half.advance().expect("an update");
+        let checkpoint = half.checkpoint().expect("a checkpoint");
+        let mut resumed = begin(Algorithm::Ppo, &task, (77, 1)).expect("a run");
+        resumed.restore(&checkpoint).expect("the checkpoint of an equal run");
+        assert_eq!(finish(&mut *resumed), straight, "{name}");
+        assert_eq!(finish(&mut *half), straight, "{name}: two threads");
+    }
+}
+
+#[test]
 fn policies_of_discrete_runs_put_out_rows() {
     let base = std::env::temp_dir().join(format!("motorium-discrete-{}", std::process::id()));
     std::fs::create_dir_all(&base).expect("a folder");
@@ -407,19 +465,17 @@ fn settings_that_choices_exclude_are_refused() {
         assert!(error.as_ref().is_some_and(|error| error.contains(&named)), "{error:?}");
     }
     assert_eq!(key(Algorithm::Dqn, "[dqn]\nbins = 3"), "algorithms.dqn.bins");
-    assert_eq!(key(Algorithm::Ppo, "[ppo]\nrecurrent = 8"), "algorithms.ppo.recurrent");
     for algorithm in [Algorithm::Ppo, Algorithm::A2c, Algorithm::Reinforce] {
         let name = algorithm.name();
         let found = key(algorithm, &format!("[{name}]\ndeviation = 0.5"));
         assert_eq!(found, format!("algorithms.{name}.deviation"));
     }
-    let task = task(&discrete(), "");
-    let scene = scene(&task);
-    let settings = imitation::ImitationSettings::default();
-    let build = || scene.simulation();
-    let cloned = imitation::Imitation::from_recorded(&task, settings, &[], (1, 1), build).err();
-    let message = cloned.map(|error| error.to_string()).expect("choices cannot be cloned");
-    assert!(message.starts_with("`action.choices`: found 2 rows, expected none"), "{message}");
+    // a push to the left has no mirror image among the choices
+    let lopsided = PENDULUM
+        .replace("[action]", "[symmetry]\nreversed = [\"hinge\"]\n[action]\nchoices = [[-1.0], [0.5]]");
+    let error = begin(Algorithm::Ppo, &task(&lopsided, "[ppo]\nmirror = true"), (1, 1)).err();
+    let Some(EnvironmentError::Task(TaskError::Value { key, .. })) = error else { panic!("{error:?}") };
+    assert_eq!(key, "action.choices[0]");
 }
 
 #[test]
@@ -446,9 +502,22 @@ const MASKED: &str = include_str!("../../../../tasks/cart-pole-masked.toml");
 
 #[test]
 fn recurrent_units_balance_without_velocities() {
-    let base = std::env::temp_dir().join(format!("motorium-recurrent-{}", std::process::id()));
+    let [recurrent, feed_forward] = recurrent_and_feed_forward("numbers", MASKED);
+    assert!(recurrent > 2.0 * feed_forward && recurrent > 150.0, "{recurrent}, without {feed_forward}");
+}
+
+#[test]
+fn recurrent_units_balance_by_choices() {
+    let text = MASKED.replace("[action]", "[action]\nchoices = [[-1.0, 0.0], [1.0, 0.0]]");
+    let [recurrent, feed_forward] = recurrent_and_feed_forward("choices", &text);
+    assert!(recurrent > 1.5 * feed_forward && recurrent > 100.0, "{recurrent}, without {feed_forward}");
+}
+
+/// Returns the mean returns of policies with and without recurrent units after equal training.
+fn recurrent_and_feed_forward(name: &str, text: &str) -> [f64; 2] {
+    let base = std::env::temp_dir().join(format!("motorium-recurrent-{name}-{}", std::process::id()));
     std::fs::create_dir_all(&base).expect("a folder");
-    let text = MASKED.split("[algorithms").next().expect("the task before its settings");
+    let text = text.split("[algorithms").next().expect("the task before its settings");
     let [feed_forward, recurrent] = [0, 16].map(|units| {
         let (file, folder) = (base.join(format!("{units}.toml")), base.join(units.to_string()));
         let settings = format!(
@@ -462,5 +531,5 @@ fn recurrent_units_balance_without_velocities() {
         evaluate(&folder, &file, 10, 1).expect("returns").mean
     });
     std::fs::remove_dir_all(&base).expect("the folder");
-    assert!(recurrent > 2.0 * feed_forward && recurrent > 150.0, "{recurrent}, without {feed_forward}");
+    [recurrent, feed_forward]
 }

@@ -247,7 +247,7 @@ impl WheelController {
 /// Checks the configuration and loads the wheels of a robot.
 fn load(config: &WheelsConfig, robot: &RobotReference) -> Result<RobotWheels, ConfigError> {
     let loaded = load_robot(robot)?;
-    check_numbers(config)?;
+    config.check()?;
     RobotWheels::new((&robot.name, &loaded.model), loaded.profile.as_ref(), config).map_err(|error| {
         let refused = ConfigError::key("robot", error.to_string());
         match error.help() {
@@ -257,21 +257,27 @@ fn load(config: &WheelsConfig, robot: &RobotReference) -> Result<RobotWheels, Co
     })
 }
 
-fn check_numbers(config: &WheelsConfig) -> Result<(), ConfigError> {
-    if let Some(speed) = config.speed {
-        in_range("speed", speed, 1e-6..=1e3)?;
-    }
-    in_range("acceleration", config.acceleration, 1e-3..=1e3)?;
-    in_range("max_lead", config.max_lead, 1e-4..=1e3)?;
-    in_range("slip", config.slip, 0.0..=1.0)?;
-    for (key, gain) in [("wheel_kp", config.wheel_kp), ("wheel_kd", config.wheel_kd)] {
-        if let Some(gain) = gain {
-            in_range(key, gain, 0.0..=1e9)?;
+impl WheelsConfig {
+    /// Checks the range of every number.
+    ///
+    /// # Errors
+    ///
+    /// [`ConfigError`] with the key.
+    pub fn check(&self) -> Result<(), ConfigError> {
+        if let Some(speed) = self.speed {
+            in_range("speed", speed, 1e-6..=1e3)?;
         }
+        in_range("acceleration", self.acceleration, 1e-3..=1e3)?;
+        in_range("max_lead", self.max_lead, 1e-4..=1e3)?;
+        in_range("slip", self.slip, 0.0..=1.0)?;
+        for (key, gain) in [("wheel_kp", self.wheel_kp), ("wheel_kd", self.wheel_kd)] {
+            if let Some(gain) = gain {
+                in_range(key, gain, 0.0..=1e9)?;
+            }
+        }
+        for number in [self.start.position[0], self.start.position[1], self.start.yaw] {
+            in_range("start", number, -1e6..=1e6)?;
+        }
+        Ok(())
     }
-    let start = [config.start.position[0], config.start.position[1], config.start.yaw];
-    for number in start {
-        in_range("start", number, -1e6..=1e6)?;
-    }
-    Ok(())
 }

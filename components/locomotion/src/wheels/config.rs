@@ -14,7 +14,7 @@ with_defaults! {
     /// acceleration = 0.5
     /// start = { position = [1.0, 0.0], yaw = 1.57 }
     /// ```
-    #[derive(Debug, Clone, Deserialize, JsonSchema)]
+    #[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
     #[serde(default, deny_unknown_fields)]
     pub struct WheelsConfig;
 
@@ -49,7 +49,7 @@ with_defaults! {
 }
 
 /// A planar pose of the base.
-#[derive(Debug, Clone, Copy, Default, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct StartConfig {
     /// Position, m.

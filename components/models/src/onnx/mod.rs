@@ -34,7 +34,7 @@ pub use adapt::{Adapter, Part};
 pub use error::OnnxError;
 pub use input::{Input, Length};
 use proto::ModelProto;
-pub use write::{GruLayer, write_choice, write_gru, write_mlp};
+pub use write::{GruLayer, write_choice, write_gru, write_gru_choice, write_mlp};
 
 /// A network as stored in a file.
 #[derive(Clone, Debug, PartialEq)]

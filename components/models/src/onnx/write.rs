@@ -181,15 +181,21 @@ pub fn write_choice(
 ) -> Vec<u8> {
     let mut graph = GraphProto { name: "choice".to_owned(), ..GraphProto::default() };
     let (last, choices) = dense(&mut graph, ("obs", inputs), layers, activation);
+    let width = choose(&mut graph, (&last, choices), table);
+    graph.input.push(port("obs", &[(0, "rows"), (inputs, "")]));
+    graph.output.push(port("actions", &[(0, "rows"), (width, "")]));
+    model(graph, metadata)
+}
+
+/// Adds the output `actions`: the row of `table` with the largest of some numbers. Returns its width.
+fn choose(graph: &mut GraphProto, (last, choices): (&str, usize), table: &[f32]) -> usize {
     let width = table.len() / choices;
-    let mut largest = node("Hardmax", &[&last], &["choice"]);
+    let mut largest = node("Hardmax", &[last], &["choice"]);
     largest.attribute.push(integer("axis", 1));
     graph.node.push(largest);
     graph.initializer.push(tensor("table", &[choices, width], table));
     graph.node.push(node("MatMul", &["choice", "table"], &["actions"]));
-    graph.input.push(port("obs", &[(0, "rows"), (inputs, "")]));
-    graph.output.push(port("actions", &[(0, "rows"), (width, "")]));
-    model(graph, metadata)
+    width
 }
 
 /// A layer of gated recurrent units (update, reset, candidate; the reset gate scales the recurrent product,
@@ -216,6 +222,32 @@ pub fn write_gru(
     activation: Unary,
     metadata: &[(&str, &str)],
 ) -> Vec<u8> {
+    gru_model(gru, layers, (activation, None), metadata)
+}
+
+/// Returns the bytes of an ONNX file with a GRU followed by a discrete choice: the output `actions` is the
+/// row of `table` with the largest output of the dense layers, the first row in a tie. Otherwise as
+/// [`write_gru`].
+///
+/// # Panics
+///
+/// If there is no layer, or the last layer has no output.
+pub fn write_gru_choice(
+    gru: &GruLayer,
+    layers: &[(Vec<f32>, Vec<f32>)],
+    activation: Unary,
+    table: &[f32],
+    metadata: &[(&str, &str)],
+) -> Vec<u8> {
+    gru_model(gru, layers, (activation, Some(table)), metadata)
+}
+
+fn gru_model(
+    gru: &GruLayer,
+    layers: &[(Vec<f32>, Vec<f32>)],
+    (activation, table): (Unary, Option<&[f32]>),
+    metadata: &[(&str, &str)],
+) -> Vec<u8> {
     let GruLayer { inputs, hidden, .. } = *gru;
     let mut graph = GraphProto { name: "gru".to_owned(), ..GraphProto::default() };
     graph.initializer.push(TensorProto {
@@ -234,8 +266,14 @@ pub fn write_gru(
     unit.attribute.extend([integer("hidden_size", hidden as i64), integer("linear_before_reset", 1)]);
     graph.node.push(unit);
     graph.node.push(node("Squeeze", &["h_out", "first"], &["state"]));
-    let (last, width) = dense(&mut graph, ("state", hidden), layers, activation);
-    graph.node.push(node("Identity", &[&last], &["actions"]));
+    let (last, outputs) = dense(&mut graph, ("state", hidden), layers, activation);
+    let width = match table {
+        Some(table) => choose(&mut graph, (&last, outputs), table),
+        None => {
+            graph.node.push(node("Identity", &[&last], &["actions"]));
+            outputs
+        }
+    };
     graph.input.push(port("obs", &[(0, "rows"), (inputs, "")]));
     graph.input.push(port("h_in", &[(1, ""), (0, "rows"), (hidden, "")]));
     graph.output.push(port("actions", &[(0, "rows"), (width, "")]));

@@ -104,6 +104,13 @@ pub struct Observation {
     /// A point and, optionally, its reference point (default: the origin of the world). Only for the position
     /// and the velocity of a point. A point is the origin of a link, the centre of an object, or [`TARGET`].
     pub points: Option<Vec<String>>,
+    /// Name of a camera: up to 32 lower-case letters, digits and underscores. Only for images.
+    pub camera: Option<String>,
+    /// Columns and rows of an image, 1 to 1024 each. Only for images.
+    pub pixels: Option<[usize; 2]>,
+    /// Depths that become 0 and 1 \[m\], from 0 up; only for a depth image. A surface outside the range
+    /// counts as one at its end, and a pixel without a depth as 1.
+    pub range: Option<[f64; 2]>,
 }
 
 /// Name of the target among [`Observation::points`].
@@ -112,7 +119,18 @@ pub const TARGET: &str = "target";
 impl Observation {
     /// Creates a term with a factor of 1, without bounds or history.
     pub fn new(term: Term) -> Self {
-        Self { term, scale: one(), clip: None, history: single(), rays: None, period: None, points: None }
+        Self {
+            term,
+            scale: one(),
+            clip: None,
+            history: single(),
+            rays: None,
+            period: None,
+            points: None,
+            camera: None,
+            pixels: None,
+            range: None,
+        }
     }
 }
 
@@ -142,9 +160,19 @@ pub enum Term {
     PointPosition,
     /// Velocity of a point in world axes \[m/s\], relative to the reference point if given.
     PointVelocity,
+    /// Depths of the pixels of a camera, from 0 at the near end of [`Observation::range`] to 1 at its far
+    /// end, row by row from the top left corner.
+    DepthImage,
+    /// Grey levels of the pixels of a depth camera, 0 to 1, row by row from the top left corner.
+    GreyImage,
 }
 
 impl Term {
+    /// Returns `true` for an image of a camera.
+    pub fn is_image(self) -> bool {
+        matches!(self, Self::DepthImage | Self::GreyImage)
+    }
+
     /// Returns the name of the term in `policy.toml`.
     pub fn name(self) -> &'static str {
         match self {
@@ -159,6 +187,8 @@ impl Term {
             Self::Phase => "phase",
             Self::PointPosition => "point_position",
             Self::PointVelocity => "point_velocity",
+            Self::DepthImage => "depth_image",
+            Self::GreyImage => "grey_image",
         }
     }
 
@@ -173,6 +203,7 @@ impl Term {
                 "motorium.JointState"
             }
             Self::HeightScan => "motorium.HeightScan",
+            Self::DepthImage | Self::GreyImage => "slices of u8",
             Self::LastAction | Self::Phase => return None,
         })
     }
@@ -283,9 +314,61 @@ impl Policy {
                     return wrong(&key("points"), format!("found {found}, expected one or two points"));
                 }
             }
+            self.check_image(index)?;
             observation.scale.check(&key("scale"), self.width(observation))?;
         }
         self.inputs().map(drop)
+    }
+
+    /// Checks the keys of an image; other terms have none of them.
+    fn check_image(&self, index: usize) -> Result<(), PolicyError> {
+        let observation = &self.observations[index];
+        let Observation { term, camera, pixels, range, .. } = observation;
+        let wrong = |name: &str, message: String| {
+            Err(PolicyError::Value { key: format!("observations[{index}].{name}"), message })
+        };
+        if !term.is_image() {
+            return match (camera, pixels, range) {
+                (Some(_), ..) => wrong("camera", "expected for images only".to_owned()),
+                (_, Some(_), _) => wrong("pixels", "expected for images only".to_owned()),
+                (.., Some(_)) => wrong("range", "expected for a depth image only".to_owned()),
+                _ => Ok(()),
+            };
+        }
+        let is_name = |name: &String| {
+            let is_allowed = |byte: u8| byte.is_ascii_lowercase() || byte.is_ascii_digit() || byte == b'_';
+            (1..=32).contains(&name.len()) && name.bytes().all(is_allowed)
+        };
+        match camera {
+            None => return wrong("camera", "missing, expected the name of a camera".to_owned()),
+            Some(name) if !is_name(name) => {
+                let expected = "up to 32 lower-case letters, digits and underscores";
+                return wrong("camera", format!("found \"{name}\", expected {expected}"));
+            }
+            Some(_) => {}
+        }
+        let is_same = |other: &Observation| other.term == *term && other.camera == *camera;
+        if self.observations[..index].iter().any(is_same) {
+            return wrong("camera", "found an image of another term, expected each image once".to_owned());
+        }
+        match pixels {
+            None => return wrong("pixels", "missing, expected columns and rows of the image".to_owned()),
+            Some(pixels) if !pixels.iter().all(|count| (1..=1024).contains(count)) => {
+                return wrong("pixels", format!("found {pixels:?}, expected 1 to 1024 columns and rows"));
+            }
+            Some(_) => {}
+        }
+        let expected = "a near and a far depth in m, from 0 up";
+        match range {
+            Some(_) if *term != Term::DepthImage => {
+                wrong("range", "expected for a depth image only".to_owned())
+            }
+            None if *term == Term::DepthImage => wrong("range", format!("missing, expected {expected}")),
+            Some([near, far]) if !(0.0 <= *near && near < far && far.is_finite()) => {
+                wrong("range", format!("found {range:?}, expected {expected}", range = [near, far]))
+            }
+            _ => Ok(()),
+        }
     }
 
     /// Returns the number of values of a term in one step.
@@ -301,6 +384,9 @@ impl Policy {
             Term::LastAction => self.outputs(),
             Term::HeightScan => observation.rays.unwrap_or(0),
             Term::Phase => 2,
+            Term::DepthImage | Term::GreyImage => {
+                observation.pixels.map_or(0, |[columns, rows]| columns.saturating_mul(rows))
+            }
         }
     }
 

@@ -51,6 +51,9 @@ pub struct Measurements<'a> {
     pub heights: &'a [f32],
     /// Position or velocity for each term with a point, in the order of the observations \[m or m/s\].
     pub points: &'a [[f64; 3]],
+    /// The pixels of each image, in the order of the observations: depths \[m\], 0 without a depth, or grey
+    /// levels, 0 to 255.
+    pub images: &'a [f32],
     /// Time since the start of the episode \[s\].
     pub time: f64,
 }
@@ -86,13 +89,22 @@ pub struct Measurements<'a> {
 /// ```
 #[derive(Clone, Debug)]
 pub struct Observer {
-    /// Each term, and the duration of its cycle \[s\].
-    terms: Vec<(Term, f64)>,
+    terms: Vec<ObservedTerm>,
     assembly: Assembly,
     /// Index of each joint of the policy in the robot, and its default position.
     joints: Vec<(usize, f64)>,
     /// Values of one term.
     scratch: Vec<f64>,
+}
+
+/// A term and its settings.
+#[derive(Clone, Copy, Debug)]
+struct ObservedTerm {
+    term: Term,
+    /// Duration of the cycle of a phase \[s\].
+    period: f64,
+    /// Depths that become 0 and 1 \[m\].
+    range: [f64; 2],
 }
 
 impl Observer {
@@ -108,7 +120,13 @@ impl Observer {
         let terms = policy.observations.iter();
         let widest = terms.clone().map(|observation| policy.width(observation)).max().unwrap_or(0);
         Ok(Self {
-            terms: terms.map(|each| (each.term, each.period.unwrap_or(1.0))).collect(),
+            terms: terms
+                .map(|each| ObservedTerm {
+                    term: each.term,
+                    period: each.period.unwrap_or(1.0),
+                    range: each.range.unwrap_or([0.0, 1.0]),
+                })
+                .collect(),
             assembly: Assembly::new(policy),
             joints,
             scratch: vec![0.0; widest],
@@ -122,8 +140,14 @@ impl Observer {
 
     /// Returns the number of heights in the measurements; `None` without a height scan.
     pub fn heights(&self) -> Option<usize> {
-        let scan = self.terms.iter().position(|(term, _)| *term == Term::HeightScan);
+        let scan = self.terms.iter().position(|observed| observed.term == Term::HeightScan);
         scan.map(|index| self.assembly.width(index))
+    }
+
+    /// Returns the number of pixels of all images in measurements.
+    pub fn pixels(&self) -> usize {
+        let widths = self.terms.iter().enumerate().filter(|(_, observed)| observed.term.is_image());
+        widths.map(|(index, _)| self.assembly.width(index)).sum()
     }
 
     /// Clears all histories. Call this at the start of an episode.
@@ -137,11 +161,13 @@ impl Observer {
     ///
     /// If measurements that a term reads have the wrong length: fewer joints than [`joints`](Self::joints),
     /// another number of actions than the policy's, another number of heights than
-    /// [`heights`](Self::heights), or too few points.
+    /// [`heights`](Self::heights), another number of pixels than [`pixels`](Self::pixels), or too few points.
     pub fn observe(&mut self, measured: &Measurements<'_>) {
-        let Self { terms, assembly, joints, scratch } = self;
         let mut points = measured.points.iter();
-        for (index, (term, period)) in terms.iter().enumerate() {
+        let mut images = measured.images;
+        assert_eq!(images.len(), self.pixels(), "pixels of the images");
+        let Self { terms, assembly, joints, scratch } = self;
+        for (index, ObservedTerm { term, period, range }) in terms.iter().enumerate() {
             let values = &mut scratch[..assembly.width(index)];
             match term {
                 Term::BaseLinearVelocity => values.copy_from_slice(&measured.base.linear_velocity),
@@ -167,6 +193,16 @@ impl Observer {
                 Term::PointPosition | Term::PointVelocity => {
                     values.copy_from_slice(points.next().expect("a vector for each term of a point"));
                 }
+                Term::DepthImage => {
+                    let pixels = split_pixels(&mut images, values.len());
+                    let normalised = |depth: &f32| normalised_depth(*depth, *range);
+                    values.iter_mut().zip(pixels.iter().map(normalised)).for_each(|(value, x)| *value = x);
+                }
+                Term::GreyImage => {
+                    let levels = split_pixels(&mut images, values.len()).iter();
+                    let shares = levels.map(|level| f64::from(*level) / 255.0);
+                    values.iter_mut().zip(shares).for_each(|(value, share)| *value = share);
+                }
                 Term::Phase => {
                     let (sin, cos) = (TAU * measured.time / period).sin_cos();
                     values.copy_from_slice(&[sin, cos]);
@@ -183,5 +219,43 @@ impl Observer {
     /// If the length of `observation` is wrong.
     pub fn write(&self, observation: &mut [f32]) {
         self.assembly.write(observation);
+    }
+}
+
+/// Splits the pixels of the next image off.
+fn split_pixels<'a>(images: &mut &'a [f32], count: usize) -> &'a [f32] {
+    let (first, rest) = images.split_at(count);
+    *images = rest;
+    first
+}
+
+/// Returns the share of a depth in a range \[m\], 0 to 1; 1 for a pixel without a depth (0 or less).
+fn normalised_depth(depth: f32, [near, far]: [f64; 2]) -> f64 {
+    if depth > 0.0 { ((f64::from(depth) - near) / (far - near)).clamp(0.0, 1.0) } else { 1.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn images_become_numbers_from_zero_to_one() {
+        let text = r#"
+            network = "policy.onnx"
+            rate = 50.0
+            observations = [
+                { term = "depth_image", camera = "front", pixels = [3, 2], range = [0.5, 2.5], scale = 2.0 },
+                { term = "grey_image", camera = "front", pixels = [2, 1], history = 2 },
+            ]
+            action = { joints = ["hip"], default_pose = [0.0] }
+        "#;
+        let policy = Policy::parse(text).expect("a policy");
+        let mut observer = Observer::new(&policy, &["hip"]).expect("joints");
+        assert_eq!((observer.pixels(), policy.inputs()), (8, Ok(10)));
+        let images = [0.0, 0.25, 0.5, 1.0, 2.5, 9.0, 51.0, 255.0];
+        observer.observe(&Measurements { positions: &[0.0], images: &images, ..Measurements::default() });
+        let mut observation = [0.0; 10];
+        observer.write(&mut observation);
+        assert_eq!(observation, [2.0, 0.0, 0.0, 0.5, 2.0, 2.0, 0.2, 1.0, 0.2, 1.0]);
     }
 }

@@ -82,6 +82,35 @@ fn mistakes_are_reported_with_their_position() {
     }
 }
 
+#[test]
+fn mistakes_in_images_are_named() {
+    let image = "{ term = \"depth_image\", camera = \"front\", pixels = [4, 3], range = [0.1, 2.0] }";
+    let text = TEXT.replace("{ term = \"height_scan\", rays = 9 }", image);
+    assert_eq!(Policy::parse(&text).expect("a policy").inputs(), Ok(27));
+    let twice = format!("{image}, {image}");
+    for (from, to, expected) in [
+        (", camera = \"front\"", "", "observations[2].camera"),
+        ("\"front\"", "\"Front eye\"", "observations[2].camera"),
+        (image, &twice, "observations[3].camera"),
+        (", pixels = [4, 3]", "", "observations[2].pixels"),
+        ("[4, 3]", "[4, 1025]", "observations[2].pixels"),
+        (", range = [0.1, 2.0]", "", "observations[2].range"),
+        ("[0.1, 2.0]", "[2.0, 0.1]", "observations[2].range"),
+        ("[0.1, 2.0]", "[-0.1, 2.0]", "observations[2].range"),
+        ("[0.1, 2.0]", "[0.1, inf]", "observations[2].range"),
+        ("depth_image", "grey_image", "observations[2].range"),
+        ("history = 3", "camera = \"front\"", "observations[1].camera"),
+        ("history = 3", "pixels = [4, 3]", "observations[1].pixels"),
+        ("history = 3", "range = [0.1, 2.0]", "observations[1].range"),
+    ] {
+        assert!(text.contains(from), "{from}");
+        match Policy::parse(&text.replacen(from, to, 1)).expect_err(to) {
+            PolicyError::Value { key, .. } => assert_eq!(key, expected, "{to}"),
+            other => panic!("{to}: {other:?}"),
+        }
+    }
+}
+
 const ROVER: &str = r#"
 network = "policy.onnx"
 rate = 25.0

@@ -13,6 +13,7 @@ use motorium::state::{
     TwistTarget,
 };
 use motorium::transport::{Input, Output, ParameterArray, Reading};
+use motorium_learners::component::ImageInputs;
 use motorium_learners::task::{Points, robot_difference};
 use motorium_models::policy::{
     BaseMotion, JointTargets, Measurements, Observer, Policy, PolicyError, PolicyFolder, PolicyFolderError,
@@ -60,6 +61,7 @@ struct Inputs {
     command: Option<Input<TwistTarget>>,
     heights: Option<Input<HeightScan>>,
     target: Option<Input<PoseTarget>>,
+    images: ImageInputs,
 }
 
 /// An input port.
@@ -91,7 +93,8 @@ impl NetworkPolicyConfig {
                 Port::Joints
             }
             Term::HeightScan => Port::Heights,
-            Term::LastAction | Term::Phase => return None,
+            // images have a port each
+            Term::LastAction | Term::Phase | Term::DepthImage | Term::GreyImage => return None,
         })
     }
 
@@ -228,6 +231,7 @@ impl Component for NetworkPolicy {
         if points.has_target() {
             declare.input::<PoseTarget>("target", "position of the target in the world");
         }
+        ImageInputs::declare(&policy, declare);
         if config.needs(&policy, Port::Command) {
             declare.optional_input::<TwistTarget>("command", "desired velocity of the base, in its own axes");
         }
@@ -258,6 +262,7 @@ impl Component for NetworkPolicy {
             command: needs(Port::Command).then(|| setup.input("command")).transpose()?,
             heights: needs(Port::Heights).then(|| setup.input("heights")).transpose()?,
             target: points.has_target().then(|| setup.input("target")).transpose()?,
+            images: ImageInputs::open(&policy, setup)?,
         };
         let [roll, pitch, yaw] = config.imu_rpy;
         Ok(Self {
@@ -319,6 +324,7 @@ impl NetworkPolicy {
         self.network.reset();
         self.observer.reset();
         self.last_action.fill(0.0);
+        self.inputs.images.reset();
         (self.episode, self.steps, self.waiting) = (episode, 0, 0);
     }
 
@@ -327,7 +333,8 @@ impl NetworkPolicy {
     fn observe(&mut self) -> Result<bool, StepError> {
         let Self { inputs, policy, config, observer, points, .. } = self;
         let longest = config.state_timeout.ns;
-        let is_ready = is_fresh(&mut inputs.joints, longest)
+        let is_ready = inputs.images.read(longest)?
+            && is_fresh(&mut inputs.joints, longest)
             && is_fresh(&mut inputs.base_state, longest)
             && is_fresh(&mut inputs.base_estimate, longest)
             && is_fresh(&mut inputs.imu, longest)
@@ -376,6 +383,7 @@ impl NetworkPolicy {
             last_action: &self.last_action,
             heights,
             points: points.observed(),
+            images: inputs.images.pixels(),
             time: self.steps as f64 / policy.rate,
         });
         Ok(true)

@@ -178,9 +178,36 @@ safe_state = "hold"
     )
 }
 
+/// Adds the depth camera `eye` of a task to its graph, with the wiring of its images.
+fn with_camera(text: &str, task: &toml::Table) -> String {
+    let mut config = task["cameras"]["eye"].clone();
+    for key in ["config", "eye", "component"] {
+        config = toml::Value::Table(toml::Table::from_iter([(key.to_owned(), config)]));
+    }
+    let config = toml::to_string(&config).unwrap();
+    let (wire, wired) =
+        ("joint_state = \"state\"", "joint_state = \"state\", eye_depth = \"depth\", eye_grey = \"grey\"");
+    let (before, task_and_policy) = text.split_once("[component.task]").unwrap();
+    let (task_and_policy, after) = task_and_policy.split_once("[component.drives]").unwrap();
+    let seeing = task_and_policy.replace(wire, wired);
+    format!(
+        r#"{before}[component.eye]
+kind = "sensor.depth_camera"
+robot = "one"
+rate = "50 Hz"
+subscribe = {{ joint_state = "state" }}
+publish = {{ depth = "depth", grey = "grey" }}
+
+{config}
+
+[component.task]{seeing}[component.drives]{after}"#
+    )
+}
+
 /// Component kinds of these graphs.
 fn registry() -> Registry {
     let kinds = motorium_physics::kinds().into_iter().chain(motorium_learners::kinds());
+    let kinds = kinds.chain(motorium_sensors::kinds());
     let kinds = kinds.chain(motorium_locomotion::kinds());
     Registry::new(RobotSource { check: |_| Ok(Vec::new()) }, kinds.chain(motorium_policies::kinds()))
 }
@@ -318,6 +345,28 @@ fn discrete_actions_agree_to_the_bit() {
 }
 
 #[test]
+fn images_of_a_camera_agree_to_the_bit() {
+    let folder = tempfile::tempdir().unwrap();
+    let (task, table) = prepare("cart-pole-camera", folder.path(), |table| {
+        let world = "ground = { height = -0.2 }\n            objects = [{ name = \"wall\", shape = { box = { size = [0.1, 1.0, 0.9] } }, position = [2.0, 0.0, 0.5] }]";
+        table.insert("world".into(), toml::Value::Table(world.parse().unwrap()));
+        let cameras = table["cameras"].as_table_mut().unwrap();
+        let mut eye = cameras.remove("pole").unwrap();
+        eye.as_table_mut().unwrap().insert("most".into(), 4.0.into());
+        cameras.insert("eye".into(), eye);
+        let image = "observations = [{ term = \"depth_image\", camera = \"eye\", range = [0.3, 3.5] },             { term = \"grey_image\", camera = \"eye\" }, { term = \"joint_positions\" }]";
+        table.extend(image.parse::<toml::Table>().unwrap());
+    });
+    let text = with_camera(&graph_text(&table, true), &table);
+    let world = toml::Table::from_iter([("world".to_owned(), table["world"].clone())]);
+    let text = format!("{text}\n{}", toml::to_string(&world).unwrap());
+    let records = assert_agree("cart-pole-camera", folder.path(), &task, text);
+    let seen: HashSet<u64> =
+        records[0].observations.iter().flat_map(|numbers| &numbers[..192]).copied().collect();
+    assert!(seen.len() > 100, "{} different depths", seen.len());
+}
+
+#[test]
 fn base_twists_agree_to_the_bit() {
     let folder = tempfile::tempdir().unwrap();
     // one command: in a graph it depends on the name of the component
@@ -327,6 +376,29 @@ fn base_twists_agree_to_the_bit() {
     });
     let records = assert_agree("rover-velocity", folder.path(), &task, rover_graph(&table));
     assert!(records.iter().all(|record| record.end == Some(false)), "truncated episodes");
+}
+
+#[test]
+fn settings_of_wheels_agree_to_the_bit() {
+    let settings =
+        "speed = 0.12\nacceleration = 0.4\nwheel_kp = 0.9\nmax_lead = 0.2\ngravity_compensation = false\n";
+    let change = |wheels: Option<&str>| {
+        let wheels: Option<toml::Table> = wheels.map(|text| text.parse().unwrap());
+        move |table: &mut toml::Table| {
+            let command = "forward = [0.12, 0.12]\nturn = [-0.4, -0.4]".parse().unwrap();
+            table.insert("command".into(), toml::Value::Table(command));
+            table.extend(wheels.map(|wheels| ("wheels".to_owned(), toml::Value::Table(wheels))));
+        }
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let (task, table) = prepare("rover-velocity", folder.path(), change(Some(settings)));
+    let text = rover_graph(&table);
+    let config = format!("\n[component.wheels.config]\n{settings}\n[safety]");
+    let records = assert_agree("rover-velocity", folder.path(), &task, text.replace("[safety]", &config));
+    let plain = tempfile::tempdir().unwrap();
+    let (task, table) = prepare("rover-velocity", plain.path(), change(None));
+    let others = assert_agree("rover-velocity", plain.path(), &task, rover_graph(&table));
+    assert_ne!(records, others, "the settings have an effect");
 }
 
 #[test]
@@ -484,7 +556,18 @@ fn quadruped_walks_with_the_pattern_of_its_policy() {
 
 #[test]
 fn the_trained_cart_pole_balances_on_every_engine() {
-    let file = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../graphs/cart-pole-policy.toml"));
+    assert_balances("cart-pole-policy", 500.0);
+}
+
+#[test]
+fn the_cart_pole_balances_by_sight_on_every_engine() {
+    assert_balances("cart-pole-camera", 250.0);
+}
+
+/// Asserts that five episodes of a graph have the return of a pole that does not fall, on every engine.
+fn assert_balances(name: &str, expected: f64) {
+    let graphs = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../graphs"));
+    let file = &graphs.join(name).with_extension("toml");
     let text = std::fs::read_to_string(file).unwrap();
     let episodes = "[episodes]\ncount = 5\nvary_seed = true\n\n[robot.cart]";
     assert!(text.contains("physics.articulated") && text.contains("[robot.cart]"));
@@ -503,6 +586,6 @@ fn the_trained_cart_pole_balances_on_every_engine() {
         let report = session::run(plan, &registry(), &Options::inline(), &mut |_| {}).unwrap();
         let task = &report.results["task"];
         assert_eq!((&task["episodes"], &task["truncations"]), (&5.into(), &5.into()), "{engine}: {task}");
-        assert_eq!(task["mean_return"], 500.0, "{engine}: {task}");
+        assert_eq!(task["mean_return"], expected, "{engine}: {task}");
     }
 }

@@ -27,7 +27,7 @@ macro_rules! sensor_config {
         $( $(#[$field_meta:meta])* $field:ident: $type:ty = $default:expr; )*
     ) => {
         $(#[$meta])*
-        #[derive(Debug, Clone, serde::Deserialize, schemars::JsonSchema)]
+        #[derive(Debug, Clone, PartialEq, serde::Deserialize, schemars::JsonSchema)]
         #[serde(deny_unknown_fields, default)]
         pub struct $name {
             $( $(#[$field_meta])* pub $field: $type, )*

@@ -72,7 +72,10 @@ pub struct Mount {
 
 impl Mount {
     /// Returns the pose of the sensor in the frame of its link.
-    pub(super) fn pose(&self) -> Result<Isometry3<f64>, ConfigError> {
+    ///
+    /// # Errors
+    /// [`ConfigError`] if a number is not finite.
+    pub fn pose(&self) -> Result<Isometry3<f64>, ConfigError> {
         if !self.position.iter().chain(&self.rpy).all(|number| number.is_finite()) {
             return Err(ConfigError::key("mount", "expected finite numbers"));
         }
@@ -82,7 +85,10 @@ impl Mount {
     }
 
     /// Returns the link that carries the sensor; `None` for the world.
-    fn carrier(&self, model: &Model) -> Result<Option<FrameId>, ConfigError> {
+    ///
+    /// # Errors
+    /// [`ConfigError`] if the robot lacks the link.
+    pub fn carrier(&self, model: &Model) -> Result<Option<FrameId>, ConfigError> {
         let is_link = || model.frames().iter().any(|frame| frame.name == WORLD);
         if self.frame.as_deref() == Some(WORLD) && !is_link() {
             return Ok(None);

@@ -25,6 +25,7 @@ pub(crate) struct Draw {
     output: Option<PathBuf>,
     /// Replace the file if it exists
     #[arg(long, requires = "output")]
+    overwrite: bool,
     /// Add measured values: of a running graph (by id or name), or from a report of `motorium run --json`
     /// [default: the newest running graph]
     #[arg(long, value_name = "RUN|REPORT", num_args = 0..=1)]

@@ -70,6 +70,7 @@ const SHADE: (f64, f64) = (40.0, 215.0);
 
 /// `sensor.depth_camera`: captures depth and grey images. A reading contains the depths of all pixels,
 /// followed by the cosines of the angles of incidence.
+#[derive(Clone, Debug)]
 pub struct DepthCamera {
     pinhole: Pinhole,
     directions: Vec<Unit<Vector3<f64>>>,
@@ -87,6 +88,16 @@ pub struct DepthCameraOutputs {
 }
 
 impl DepthCamera {
+    /// Returns the published depth of the depth in a reading \[m\]; 0 without a depth.
+    pub fn depth(&self, reading: f64) -> f32 {
+        if reading <= self.most { reading as f32 } else { 0.0 }
+    }
+
+    /// Returns the published grey level of the cosine in a reading; 0 without a surface.
+    pub fn grey(cosine: f64) -> u8 {
+        if cosine < 0.0 { 0 } else { (SHADE.0 + SHADE.1 * cosine) as u8 }
+    }
+
     /// Returns the format of the depth images.
     fn info(&self) -> ImageInfo {
         let Pinhole { width, height, focal_length, principal_point } = self.pinhole;
@@ -187,7 +198,7 @@ impl RangeSensor for DepthCamera {
         if outputs.grey.is_wired() {
             let mut grey = outputs.grey.loan(cosines.len())?;
             for (pixel, cosine) in grey.iter_mut().zip(cosines) {
-                *pixel = if *cosine < 0.0 { 0 } else { (SHADE.0 + SHADE.1 * cosine) as u8 };
+                *pixel = Self::grey(*cosine);
             }
             grey.publish_from(source)?;
         }
@@ -198,8 +209,7 @@ impl RangeSensor for DepthCamera {
         }
         let mut picture = outputs.depth.loan(depths.len() * DEPTH_BYTES)?;
         for (pixel, depth) in picture.chunks_exact_mut(DEPTH_BYTES).zip(depths) {
-            let depth = if *depth <= self.most { *depth as f32 } else { 0.0 };
-            pixel.copy_from_slice(&depth.to_ne_bytes());
+            pixel.copy_from_slice(&self.depth(*depth).to_ne_bytes());
         }
         picture.publish_from(source)
     }

@@ -123,7 +123,7 @@ impl<S: RangeSensor> Component for AlongRays<S> {
         self.delivery.publish_draws()?;
         if let Some(Look { pose, times: (time, source) }) = self.view.newest(tick, &self.clock)? {
             let dt = self.since.replace(time).map_or(0.0, |since| time.saturating_sub(since) as f64 * 1e-9);
-            self.sensor.read(&pose, &mut self.view.scene, dt, &mut self.values);
+            self.sensor.read(&pose, self.view.scenery.scene_mut(), dt, &mut self.values);
             self.delivery.push(tick.time_ns, source, &self.values);
         }
         let Some((source, values)) = self.delivery.due(tick.time_ns) else { return Ok(()) };

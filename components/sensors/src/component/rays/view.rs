@@ -6,14 +6,14 @@ use motorium::component::RunClock;
 use motorium::prelude::*;
 use motorium::state::{MAX_OBJECTS, ObjectPoses, Randomisation};
 use motorium::telemetry::set_apart;
-use motorium_robots::{Attachment, CollisionModel, CollisionOptions, FrameId, MeshMode};
-use motorium_worlds::{RayScene, Terrain, World, WorldError};
-use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
+use motorium_worlds::{Terrain, World, WorldError};
+use nalgebra::Isometry3;
 
 use super::super::loads::Drawn;
 use super::super::robot::{Mount, Needs, TrueMotion};
 use super::looks::looks;
 use crate::rendering::Looks;
+use crate::scenery::{Scenery, solids};
 
 /// Mount of a sensor, and the world it sees.
 #[derive(Clone, Copy, Debug)]
@@ -40,25 +40,13 @@ impl Seen<'_> {
 pub(super) struct View {
     motion: TrueMotion,
     objects: Option<Input<ObjectPoses>>,
-    pub(super) scene: RayScene,
+    pub(super) scenery: Scenery,
     /// Appearance of the scene, for sensors that see colours.
     looks: Option<Looks>,
-    /// Moving links as shapes of the scene.
-    links: Vec<Link>,
-    root: FrameId,
-    /// Number of the first object among the shapes.
-    first_object: usize,
-    object_count: usize,
     /// Terrain of the graph, if any, and the values sampled for it by the simulation.
     terrain: Option<(Terrain, Drawn)>,
     /// Seed and scale with which the terrain of the scene was generated, if sampled.
     shaped: [Option<f64>; 2],
-}
-
-struct Link {
-    target: usize,
-    attachment: Attachment,
-    placement: Isometry3<f64>,
 }
 
 /// The state of the world as seen at one time.
@@ -110,31 +98,16 @@ impl View {
         let world = located(seen.world, setup.folder())?;
         let seen = Seen { world: &world, ..seen };
         let motion = TrueMotion::open(seen.mount, seen.needs(), setup)?;
-        let mut scene = RayScene::default();
-        let mut links = Vec::new();
         let solids = seen.sees_robot.then(|| solids(motion.model()));
-        if let Some(solids) = &solids {
-            scene.add_solids(solids);
-            links.extend((0..solids.solid_count()).filter_map(|target| {
-                let attachment = solids.attachment(target);
-                let placement = solids.placement(target);
-                (attachment != Attachment::World).then_some(Link { target, attachment, placement })
-            }));
-        }
-        let first_object = scene.add_world(&world);
+        let scenery = Scenery::new(motion.model(), solids.as_ref(), &world);
         let looks =
             if sees_colours { Some(looks(setup.robot()?, solids.as_ref(), seen.world)?) } else { None };
-        let root = motion.model().frames()[0].name.clone();
-        let root = motion.model().frame(&root).map_err(|error| ConfigError::new(error.to_string()))?;
         let terrain = match &world.terrain {
             Some(terrain) => Some((terrain.clone(), Drawn::open(setup)?)),
             None => None,
         };
         let objects = if seen.moves() { Some(setup.input("object_poses")?) } else { None };
-        let object_count = seen.world.objects.len();
-        let shaped = [None; 2];
-        let mut view =
-            Self { motion, objects, scene, looks, links, root, first_object, object_count, terrain, shaped };
+        let mut view = Self { motion, objects, scenery, looks, terrain, shaped: [None; 2] };
         view.place_links();
         Ok(view)
     }
@@ -156,20 +129,18 @@ impl View {
             let Some(poses) = input.latest() else { return Ok(None) };
             for index in 0..poses.count() {
                 let object = poses.object()[index] as usize;
-                if object >= self.object_count {
+                if object >= self.scenery.objects() {
                     return Err(StepError::failed("the object poses are from another world"));
                 }
                 let position =
                     [poses.position_x()[index], poses.position_y()[index], poses.position_z()[index]];
-                let orientation = Quaternion::new(
-                    poses.orientation_w()[index],
+                let orientation = [
                     poses.orientation_x()[index],
                     poses.orientation_y()[index],
                     poses.orientation_z()[index],
-                );
-                let rotation = UnitQuaternion::new_normalize(orientation);
-                let pose = Isometry3::from_parts(Translation3::from(position), rotation);
-                self.scene.set_pose(self.first_object + object, &pose);
+                    poses.orientation_w()[index],
+                ];
+                self.scenery.set_object(object, position, orientation);
             }
         }
         self.shape_terrain(tick)?;
@@ -188,7 +159,7 @@ impl View {
             return Ok(());
         }
         self.shaped = found;
-        let scene = &mut self.scene;
+        let scene = self.scenery.scene_mut();
         set_apart(|| {
             let mut shaped = terrain.clone();
             shaped.seed = seed.map_or(shaped.seed, |seed| seed as u64);
@@ -200,16 +171,7 @@ impl View {
     }
 
     fn place_links(&mut self) {
-        let Self { motion, scene, links, root, .. } = self;
-        let base = motion.kinematics().pose(motion.model(), *root);
-        for link in links {
-            let carrier = match link.attachment {
-                Attachment::Body(body) => motion.kinematics().body_pose(body),
-                Attachment::Base => base,
-                Attachment::World => continue,
-            };
-            scene.set_pose(link.target, &(carrier * link.placement));
-        }
+        self.scenery.place_links(self.motion.model(), self.motion.kinematics());
     }
 
     /// Resets to the initial state.
@@ -226,15 +188,4 @@ fn located(world: &World, folder: &Path) -> Result<World, ConfigError> {
     let mut world = world.clone();
     world.locate(folder).map_err(|error| ConfigError::key("world", error.to_string()))?;
     Ok(world)
-}
-
-/// Returns the solids of a robot for ray casting, with meshes as their convex hulls.
-fn solids(model: &motorium_robots::Model) -> CollisionModel {
-    let options = CollisionOptions {
-        meshes: MeshMode::Hull { most_corners: 5000 },
-        self_collision: false,
-        leave_out_defects: true,
-        ..CollisionOptions::default()
-    };
-    CollisionModel::new(model, &options).expect("invalid shapes are left out, so no error remains")
 }
