@@ -6,10 +6,11 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::Context as _;
+use motorium_pictures::graph;
 
 use super::loading::GraphArgs;
 use crate::out::{out, outln};
-use crate::{draw, registry};
+use crate::registry;
 
 /// Draw a graph: components, topics, latency budgets.
 ///
@@ -70,9 +71,9 @@ impl Draw {
         }
         let measured = source.map(|source| source.describe(&plan));
         let text = match self.format {
-            Format::Mermaid => draw::mermaid(&plan, measured.as_ref()),
-            Format::Dot => draw::dot(&plan, measured.as_ref()),
-            Format::Svg => draw::svg(&plan, measured.as_ref()),
+            Format::Mermaid => graph::mermaid(&plan, measured.as_ref()),
+            Format::Dot => graph::dot(&plan, measured.as_ref()),
+            Format::Svg => graph::svg(&plan, measured.as_ref()),
         };
         match self.output {
             Some(path) => {

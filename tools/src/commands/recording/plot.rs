@@ -7,8 +7,9 @@ use std::process::ExitCode;
 use anyhow::Context as _;
 use motorium_bridges::quantities::{entries, quantity};
 use motorium_bridges::recording::{Curve, Opened, Recording, Signal, curves};
+use motorium_pictures::chart::{Chart, Series};
 
-use crate::chart::{Chart, Series, braille};
+use crate::braille::braille;
 use crate::out::{errln, out};
 use crate::output::format;
 
