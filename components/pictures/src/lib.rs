@@ -1,7 +1,7 @@
 //! Pictures for motorium.
 //!
-//! * [`chart`]: lines with errors, panels over time, paths in tiles, and latencies against percentiles, as SVG
-//!   and PNG;
+//! * [`chart`]: lines with errors, panels over time, paths in tiles, and latencies against percentiles, as
+//!   SVG and PNG;
 //! * [`graph`]: component graphs as Mermaid, DOT and SVG, and the schedules of their cores;
 //! * [`robot`]: robots and their worlds as SVG and PNG;
 //! * [`png`] and [`animation`]: encoders of pixels as PNG and animated PNG files.

@@ -90,9 +90,9 @@ pub(crate) fn wrong_dependencies(root: &Path) -> Vec<String> {
     found
 }
 
-/// Modules of a wing that use the runtime outside its `component` module: the tasks and limits of `control.qp`
-/// and the checks of their keys, which contain equations and configuration in one file, and the pictures of
-/// plans and schedules.
+/// Modules of a wing that use the runtime outside its `component` module: the tasks and limits of
+/// `control.qp` and the checks of their keys, which contain equations and configuration in one file, and
+/// the pictures of plans and schedules.
 const WITH_RUNTIME: [(&str, &[&str]); 2] =
     [("components/control", &["checks.rs", "limits", "tasks"]), ("components/pictures", &["graph"])];
 

@@ -28,7 +28,8 @@ const NEAR: f64 = 0.7;
 /// The latencies of one measurement.
 #[derive(Clone, Debug)]
 pub struct Latencies<'a> {
-    /// Name of the measurement; its beginning selects the family: `floor.`, `peer.`, `iceoryx2.`, else motorium.
+    /// Name of the measurement; its beginning selects the family: `floor.`, `peer.`, `iceoryx2.`, else
+    /// motorium.
     pub name: &'a str,
     /// Text of the label.
     pub what: &'a str,
@@ -203,10 +204,10 @@ fn spread(wanted: &[f64], heights: &[f64], top: f64, bottom: f64) -> Vec<f64> {
     tops
 }
 
-/// Draws the latencies of some measurements made on one machine against percentiles, as SVG: motorium and the floors of the machine in one
-/// panel, motorium and other systems in a second. The horizontal axis counts nines: 90 %, 99 %, 99.9 % are
-/// equally far apart. A curve ends at its longest sample, above the percentile that its number of samples
-/// reaches.
+/// Draws the latencies of some measurements made on one machine against percentiles, as SVG: motorium and
+/// the floors of the machine in one panel, motorium and other systems in a second. The horizontal axis
+/// counts nines: 90 %, 99 %, 99.9 % are equally far apart. A curve ends at its longest sample, above the
+/// percentile that its number of samples reaches.
 pub fn latencies(machine: &str, measurements: &[Latencies<'_>]) -> String {
     // peers that report no samples have no curve
     let measurements: Vec<&Latencies<'_>> =

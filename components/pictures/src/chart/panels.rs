@@ -35,8 +35,8 @@ impl Panel {
         Self { title: title.to_string(), curves: Vec::new(), bands: Vec::new() }
     }
 
-    /// Adds a curve to compare with, such as a recorded or a commanded one: grey and dashed. Points are time \[s\]
-    /// and value.
+    /// Adds a curve to compare with, such as a recorded or a commanded one: grey and dashed. Points are
+    /// time \[s\] and value.
     pub fn reference(&mut self, points: Vec<(f64, f64)>) {
         self.curves.push(Curve { points, is_reference: true });
     }

@@ -31,8 +31,8 @@ pub struct Marks {
 }
 
 impl Marks {
-    /// Creates the marks of a robot at the poses in `kinematics`: the selected frames, labelled if `names`, and
-    /// the centre of mass if `com`.
+    /// Creates the marks of a robot at the poses in `kinematics`: the selected frames, labelled if `names`,
+    /// and the centre of mass if `com`.
     pub fn new(robot: &Loaded, kinematics: &Kinematics, frames: Frames, names: bool, com: bool) -> Self {
         Self {
             frames: self::frames(robot, kinematics, frames),

@@ -22,8 +22,8 @@ pub struct Portrait {
 }
 
 impl Portrait {
-    /// Creates the portrait of a robot at the poses in `kinematics`, in the colours of its links, with width and
-    /// height in dots. Meshes that cannot be read are left out.
+    /// Creates the portrait of a robot at the poses in `kinematics`, in the colours of its links, with
+    /// width and height in dots. Meshes that cannot be read are left out.
     pub fn new(
         robot: &Loaded,
         kinematics: &Kinematics,
@@ -44,7 +44,8 @@ impl Portrait {
         svg::svg(&self.name, &self.scene, &self.marks, &self.camera, ground)
     }
 
-    /// Paints the robot without its marks as a PNG file: shaded faces, and with `ground` a floor with shadows.
+    /// Paints the robot without its marks as a PNG file: shaded faces, and with `ground` a floor with
+    /// shadows.
     ///
     /// # Errors
     ///
