@@ -21,7 +21,7 @@ fn copy(from: &Path, to: &Path) {
 fn the_picture_of_the_page_in_the_docs_is_up_to_date() {
     let picture = "docs/src/images/view.png";
     let file = std::fs::read(workspace().join(picture)).unwrap();
-    let page = motorium_bridges::png::text(&file, "page");
+    let page = motorium_pictures::png::text(&file, "page");
     assert_eq!(
         page,
         Some(motorium_view::page_digest()),

@@ -1,9 +1,9 @@
 //! The `motorium` command: launches and inspects component graphs.
 
-mod chart;
+mod braille;
 mod commands;
 mod complete;
-mod draw;
+mod eigenforces;
 mod exit;
 mod failure;
 mod gate;

@@ -3,11 +3,9 @@
 //! A bridge is a component of the graph. It sends copies of outgoing values. It validates, rate-limits and
 //! stamps incoming values. Other components never read values of foreign programs directly.
 
-pub mod animation;
 pub mod foxglove;
 mod iceoryx2;
 pub mod parquet;
-pub mod png;
 pub mod quantities;
 pub mod recording;
 

@@ -6,8 +6,8 @@ use std::path::Path;
 use crate::tokens::{self, Token};
 
 /// Wings that may use other wings, as listed in CONTRIBUTING.md; all others communicate only by topics.
-const BETWEEN_WINGS: [(&str, &[&str]); 9] = [
-    ("bridges", &["recordings", "worlds"]),
+const BETWEEN_WINGS: [(&str, &[&str]); 10] = [
+    ("bridges", &["pictures", "recordings", "worlds"]),
     ("control", &["qp", "worlds"]),
     ("locomotion", &["control", "qp"]),
     ("library", &["algebra", "primitives", "recordings"]),
@@ -27,6 +27,7 @@ const BETWEEN_WINGS: [(&str, &[&str]); 9] = [
         ],
     ),
     ("physics", &["worlds"]),
+    ("pictures", &["worlds"]),
     ("policies", &["primitives", "library", "models", "learners", "recordings"]),
     ("sensors", &["worlds"]),
 ];
@@ -99,9 +100,11 @@ pub(crate) fn wrong_dependencies(root: &Path) -> Vec<String> {
     found
 }
 
-/// Modules of a wing that contain equations and the configuration of their component in one file: the tasks
-/// and limits of `control.qp`, and the checks of their keys.
-const WITH_CONFIGURATION: [(&str, &[&str]); 1] = [("components/control", &["checks.rs", "limits", "tasks"])];
+/// Modules of a wing that use the runtime outside its `component` module: the tasks and limits of
+/// `control.qp` and the checks of their keys, which contain equations and configuration in one file, and
+/// the pictures of plans and schedules.
+const WITH_RUNTIME: [(&str, &[&str]); 2] =
+    [("components/control", &["checks.rs", "limits", "tasks"]), ("components/pictures", &["graph"])];
 
 /// Returns the files of wings, outside their `component` modules, that use the runtime. Its plain units are
 /// allowed, because the settings of an algorithm may be the configuration of its component. Policies,
@@ -114,9 +117,9 @@ pub(crate) fn runtime_in_algorithms(root: &Path) -> Vec<String> {
         for file in crate::sources(&src) {
             let part = file.strip_prefix(&src).expect("below src");
             let first = part.iter().next().expect("a file").to_string_lossy().into_owned();
-            let is_configured =
+            let is_listed =
                 |(area, modules): &(&str, &[&str])| *area == wing && modules.contains(&first.as_str());
-            if first.starts_with("component") || WITH_CONFIGURATION.iter().any(is_configured) {
+            if first.starts_with("component") || WITH_RUNTIME.iter().any(is_listed) {
                 continue;
             }
             let text = std::fs::read_to_string(&file).expect("a source file");

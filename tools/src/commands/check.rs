@@ -12,12 +12,13 @@ use anyhow::Context as _;
 use motorium::plan::{ClockKind, Plan};
 use motorium::schedule::{Admission, RtLimit, Timeline, admit, timeline};
 use motorium::units::TimeSpan;
+use motorium_pictures::graph;
 
 pub(crate) use admission::{describe as describe_admission, problems};
 
 use super::loading::GraphArgs;
 use crate::out::{err, errln, out, outln};
-use crate::{draw, exit, overheads, registry, style};
+use crate::{exit, overheads, registry, style};
 
 /// Longest part of a hyperperiod drawn by default.
 const LONGEST: TimeSpan = TimeSpan { ns: 1_000_000_000 };
@@ -137,7 +138,7 @@ impl Check {
 
 fn draw(format: Format, plan: &Plan, drawn: &Timeline) -> String {
     match format {
-        Format::Text => draw::timeline_text(drawn),
-        Format::Svg => draw::timeline_svg(&plan.name, drawn),
+        Format::Text => graph::timeline_text(drawn),
+        Format::Svg => graph::timeline_svg(&plan.name, drawn),
     }
 }

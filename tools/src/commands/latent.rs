@@ -9,9 +9,9 @@ use std::process::ExitCode;
 use anyhow::Context as _;
 use indicatif::{ProgressBar, ProgressStyle};
 use motorium_models::gplvm::{BackForm, LatentModel, Poses, Prior, Settings, compare};
+use motorium_pictures::chart::{Chart, Series};
 use serde_json::{Value, json};
 
-use crate::chart::{Chart, Series};
 use crate::out::outln;
 
 /// Latent spaces that a human and robots share: train one, show it, add robots, measure errors,

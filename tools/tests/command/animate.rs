@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use motorium_bridges::animation;
+use motorium_pictures::animation;
 
 use crate::program::{complaint, printed};
 

@@ -11,7 +11,7 @@ use motorium::plan::TopicPlan;
 use motorium::run_folder::RunFolder;
 use motorium::state::{Decoder, FieldValue, Number};
 use motorium::transport::Tap;
-use motorium_bridges::png::with_text;
+use motorium_pictures::png::with_text;
 use serde_json::Value as Json;
 
 use crate::browser::Browser;

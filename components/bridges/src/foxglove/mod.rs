@@ -56,7 +56,7 @@ pub use pictures::PictureError;
 pub use robots::{Description, RobotFrames, descriptions, joints_of_topic, robot_of_topic};
 pub(crate) use robots::{load as load_robot, load_in_world, load_visible, robots};
 pub(crate) use world::world_of;
-pub use world::{WORLD_SCENE, terrain_mesh, world_scene};
+pub use world::{WORLD_SCENE, world_scene};
 
 /// Schema of the messages of a channel.
 ///

@@ -7,7 +7,8 @@ use foxglove::messages::{
 };
 use motorium::plan::Plan;
 use motorium::state::{ObjectPoses, StateBuffer as _};
-use motorium_robots::{BasePose, Colour, TriangleMesh};
+use motorium_pictures::robot::terrain_mesh;
+use motorium_robots::{BasePose, Colour};
 use motorium_worlds::{HeightField, Object, ObjectShape, World};
 use serde::Deserialize;
 
@@ -23,10 +24,7 @@ const PLANE: [f64; 3] = [6.0, 6.0, 0.002];
 /// Opacity of the plane, so that objects below it stay visible.
 const THROUGH: f64 = 0.6;
 
-/// Approximate maximum number of points of a drawn terrain.
-const TERRAIN_POINTS: f64 = 15_000.0;
-
-/// Returns the coloured world of a plan as a scene: the schema and the message, a [`SceneUpdate`]. `None` if
+/// Returns the coloured world of a plan as a scene: its schema and its message, a [`SceneUpdate`]. `None` if
 /// the plan has no world.
 ///
 /// A moving object has its own frame, named after the object, if a topic provides its pose.
@@ -76,28 +74,6 @@ pub(crate) fn world_of(plan: &Plan) -> Option<World> {
         world.locate(&component.folder).ok()?;
         Some(world)
     })
-}
-
-/// Converts a terrain to triangles. A terrain with very many heights is reduced in resolution.
-pub fn terrain_mesh(field: &HeightField) -> TriangleMesh {
-    let (corner, counts) = field.grid();
-    let lengths = counts.map(|count| (count.max(2) - 1) as f64 * field.spacing());
-    let step = field.spacing().max((lengths[0] * lengths[1] / TERRAIN_POINTS).sqrt());
-    let many = lengths.map(|length| (length / step).round().max(1.0) as usize);
-    let along = |axis: usize, at: usize| corner[axis] + lengths[axis] * at as f64 / many[axis] as f64;
-    let points = (0..=many[1]).flat_map(|row| (0..=many[0]).map(move |column| (column, row)));
-    let points = points.map(|(column, row)| {
-        let (x, y) = (along(0, column), along(1, row));
-        nalgebra::Vector3::new(x, y, field.height(x, y))
-    });
-    let point = |column: usize, row: usize| (row * (many[0] + 1) + column) as u32;
-    let squares = (0..many[1]).flat_map(|row| (0..many[0]).map(move |column| (column, row)));
-    let triangles = squares.flat_map(|(column, row)| {
-        let [a, b] = [point(column, row), point(column + 1, row)];
-        let [c, d] = [point(column, row + 1), point(column + 1, row + 1)];
-        [[a, b, d], [a, d, c]]
-    });
-    TriangleMesh { points: points.collect(), triangles: triangles.collect() }
 }
 
 /// Terrain with this colour.

@@ -52,7 +52,7 @@ pub use component::{Record, RecordConfig};
 pub use csv::{TableError, write_csv};
 pub use demonstration::{Demonstration, DemonstrationError};
 pub use entries::{Entries, Entry, Images, RecordedPicture, RecordedSample, Samples};
-pub use film::{Film, Postures, film};
+pub use film::film;
 pub use lerobot::{
     Camera, Dataset, DatasetCounts, DatasetError, usual_cameras, usual_signals, write_lerobot,
 };

@@ -12,9 +12,9 @@ use motorium_benches::MeasureError;
 use motorium_benches::host::{Loader, Machine};
 use motorium_benches::latency::{Bench, Case, Measurement, Skipped, VERSION, Written, catalogue, targets};
 use motorium_benches::timer::Places;
+use motorium_pictures::chart::{Latencies, latencies};
 
 use super::{peers, ratchet, table};
-use crate::chart::plot;
 use crate::out::{err, errln, out};
 use crate::{exit, registry, style};
 
@@ -159,7 +159,14 @@ impl Latency {
         }
         if let Some(file) = svg {
             let drawn = drawn(&written.measurements, self.only.is_empty());
-            let picture = plot(&format!("{}; loaded by {}", written.machine, written.load), &drawn);
+            let drawn = drawn.into_iter().map(|measurement| Latencies {
+                name: &measurement.name,
+                what: &measurement.what,
+                count: measurement.ns.count,
+                curve: measurement.ns.curve(),
+            });
+            let drawn: Vec<Latencies<'_>> = drawn.collect();
+            let picture = latencies(&format!("{}; loaded by {}", written.machine, written.load), &drawn);
             fill(file, &picture).context("writing the picture")?;
         }
         Ok(if written.measurements.is_empty() { exit::FAILED } else { ExitCode::SUCCESS })

@@ -5,8 +5,8 @@ use std::path::Path;
 use anyhow::Context as _;
 use motorium::launcher::{EdgeReport, LatencyReport, Report, Status};
 use motorium::plan::Plan;
+use motorium_pictures::graph::Measured;
 
-use crate::draw::Measured;
 use crate::report::microseconds;
 use crate::runs::RunArg;
 

@@ -5,10 +5,12 @@ mod measured;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
+use motorium_pictures::graph;
+
 use super::loading::GraphArgs;
 use crate::out::{out, outln};
 use crate::output::{refuse_existing, write_file};
-use crate::{draw, registry};
+use crate::registry;
 
 /// Draw a graph: components, topics, latency budgets.
 ///
@@ -73,9 +75,9 @@ impl Draw {
         }
         let measured = source.map(|source| source.describe(&plan));
         let text = match self.format {
-            Format::Mermaid => draw::mermaid(&plan, measured.as_ref()),
-            Format::Dot => draw::dot(&plan, measured.as_ref()),
-            Format::Svg => draw::svg(&plan, measured.as_ref()),
+            Format::Mermaid => graph::mermaid(&plan, measured.as_ref()),
+            Format::Dot => graph::dot(&plan, measured.as_ref()),
+            Format::Svg => graph::svg(&plan, measured.as_ref()),
         };
         match self.output {
             Some(path) => write_file(&path, text)?,

@@ -4,8 +4,8 @@ use std::path::Path;
 
 use anyhow::{Context as _, ensure};
 use motorium_learners::training::Summary;
+use motorium_pictures::chart::{Chart, Series};
 
-use crate::chart::{Chart, Series};
 use crate::html;
 
 /// The page in the folder of a run.

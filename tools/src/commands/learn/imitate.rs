@@ -14,11 +14,11 @@ use motorium::worker::Registry;
 use motorium_learners::imitation::movements::{Model, Movements, distances};
 use motorium_library::Trajectory;
 use motorium_library::statistics::mean_and_error;
+use motorium_pictures::chart::{Panel, panels};
 use motorium_robots::{FrameId, Kinematics, Model as RobotModel};
 use nalgebra::{DMatrix, Isometry3};
 use serde_json::json;
 
-use crate::chart::{Panel, panels};
 use crate::commands::loading::graph_file;
 use crate::out::{errln, outln};
 use crate::{complete, registry, robots};

@@ -7,9 +7,9 @@ use indicatif::ProgressBar;
 use motorium_library::cross_validation::BASES;
 use motorium_library::statistics::mean_and_deviation;
 use motorium_library::{CrossValidation, Recordings};
+use motorium_pictures::chart::{Chart, Series};
 
 use super::source::{Shape, Source};
-use crate::chart::{Chart, Series};
 use crate::out::outln;
 
 /// Learn from some of the recordings, and measure errors and recognition on the others.

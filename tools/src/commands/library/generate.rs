@@ -6,8 +6,8 @@ use std::process::ExitCode;
 
 use anyhow::Context as _;
 use motorium_library::{MotionLibrary, Superposition, file};
+use motorium_pictures::chart::{Chart, Series, Tile, tiles};
 
-use crate::chart::{Chart, Series, Tile, tiles};
 use crate::commands::primitive::per_dimension;
 use crate::out::{out, outln};
 

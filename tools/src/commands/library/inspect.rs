@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use motorium_library::file;
 
-use crate::chart::eigenforces;
+use crate::eigenforces::eigenforces;
 
 /// Show the content of a library.
 ///

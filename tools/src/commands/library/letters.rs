@@ -6,8 +6,8 @@ use std::process::ExitCode;
 
 use anyhow::Context as _;
 use motorium_library::letters::{ALPHABET, Variation, letters};
+use motorium_pictures::chart::{Tile, tiles};
 
-use crate::chart::{Tile, tiles};
 use crate::out::outln;
 
 /// Generate letters from built-in strokes, with seeded variation, as recordings.

@@ -5,9 +5,9 @@ use std::process::ExitCode;
 
 use anyhow::Context as _;
 use motorium_learners::perception::{Coupling, Picture, length};
+use motorium_pictures::chart::{Tile, tiles};
 use nalgebra::DMatrix;
 
-use crate::chart::{Tile, tiles};
 use crate::out::{out, outln};
 
 /// Write a letter from its picture, by a coupling that `motorium library couple` trained.

@@ -3,9 +3,8 @@
 use std::path::Path;
 
 use anyhow::Context as _;
+use motorium_pictures::chart::{self, Panel};
 use motorium_primitives::rollout::Trajectory;
-
-use crate::chart::{self, Panel};
 
 /// A panel of one dimension of movements, with two standard deviations if known.
 pub(super) fn dimension(name: &str, trajectories: &[Trajectory], dimension: usize) -> Panel {

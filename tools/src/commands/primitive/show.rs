@@ -3,13 +3,13 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
+use motorium_pictures::chart::Panel;
 use motorium_primitives::dmp::{DmpModel, RhythmicModel, Variant};
 use motorium_primitives::file::{Primitive, PrimitiveFile};
 use motorium_primitives::rollout::{Override, roll_out};
 use serde::Serialize;
 
 use super::plot;
-use crate::chart::Panel;
 use crate::out::{out, outln};
 use crate::report::table;
 use crate::style;

@@ -5,10 +5,11 @@ use std::process::ExitCode;
 
 use anyhow::Context as _;
 use motorium::units::TimeSpan;
-use motorium_bridges::animation;
 use motorium_bridges::recording::film;
+use motorium_pictures::animation;
+use motorium_pictures::robot::{OBLIQUE, Pictures, View};
 
-use crate::commands::robot::{OBLIQUE, Pictures, View, size};
+use crate::commands::robot::size;
 use crate::out::errln;
 use crate::output::{format, refuse_existing, write_file};
 

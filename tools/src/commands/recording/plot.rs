@@ -6,8 +6,9 @@ use std::process::ExitCode;
 
 use motorium_bridges::quantities::{entries, quantity};
 use motorium_bridges::recording::{Curve, Opened, Recording, Signal, curves};
+use motorium_pictures::chart::{Chart, Series};
 
-use crate::chart::{Chart, Series, braille};
+use crate::braille::braille;
 use crate::out::{errln, out};
 use crate::output::{format, refuse_existing, write_file};
 

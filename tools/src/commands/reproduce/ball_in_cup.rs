@@ -9,10 +9,10 @@ use motorium_learners::experiments::ball_in_cup::{Point, Study, StudySettings, T
 use motorium_learners::experiments::search::is_clearly_larger;
 use motorium_learners::task::Task;
 use motorium_library::statistics::{mean_and_error, with_error};
+use motorium_pictures::chart::{Chart, Series};
 use serde_json::json;
 
 use super::writer::FigureWriter;
-use crate::chart::{Chart, Series};
 use crate::commands::learn::threads::threads;
 
 /// Catch a ball in a cup with PoWER, on the weights of a motion library and of radial kernels.

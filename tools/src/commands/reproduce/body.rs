@@ -6,11 +6,11 @@ use motorium_learners::experiments::body::{Body, CHANNELS, RATE, difference, lea
 use motorium_learners::experiments::search::{Search, SearchSpace, is_clearly_larger};
 use motorium_library::statistics::{mean_and_error, share_errors, with_error};
 use motorium_library::{MotionLibrary, Recordings};
+use motorium_pictures::chart::Series;
 use motorium_recordings::Selection;
 
 use super::letters::chart;
 use super::writer::FigureWriter;
-use crate::chart::Series;
 use crate::report::decimal;
 
 pub(super) fn figures(writer: &mut FigureWriter, folder: &Path, searched: usize) -> anyhow::Result<()> {

@@ -8,10 +8,10 @@ use motorium_learners::experiments::cartpole::{Beginning, Method, Study, StudySe
 use motorium_learners::experiments::trials::median;
 use motorium_learners::task::Task;
 use motorium_library::statistics::{mean_and_error, with_error};
+use motorium_pictures::chart::{Chart, Series};
 use serde_json::json;
 
 use super::writer::FigureWriter;
-use crate::chart::{Chart, Series};
 use crate::commands::learn::threads::threads;
 
 /// The task.

@@ -8,9 +8,9 @@ use motorium_models::gplvm::{
     BackForm, Estimate, Poses, Prior, Settings, TransferResult, compare, few_poses, trained_together,
     transfer_and_training,
 };
+use motorium_pictures::chart::{Chart, Series};
 
 use super::writer::FigureWriter;
-use crate::chart::{Chart, Series};
 
 /// The shared latent spaces of Delhaisse's thesis (2019), chapter 4: figures 4.3 and 4.5 to 4.10.
 ///

@@ -8,9 +8,9 @@ use motorium_library::{
     BALANCED, CrossValidation, Evaluation, Metric, MotionLibrary, Movement, Recordings, SampledSpring,
     Truncation, compare, kernel_error, nearest_neighbour_rate,
 };
+use motorium_pictures::chart::{Chart, Series, Tile, tiles};
 
 use super::writer::FigureWriter;
-use crate::chart::{Chart, Series, Tile, tiles};
 
 const TERMS: [usize; 7] = [4, 8, 12, 16, 24, 32, 64];
 
@@ -71,7 +71,8 @@ fn spectrum(writer: &mut FigureWriter, library: &MotionLibrary) -> anyhow::Resul
 }
 
 fn eigenforces(writer: &mut FigureWriter, library: &MotionLibrary) -> anyhow::Result<()> {
-    let chart = crate::chart::eigenforces(library, "Eigenforces 1, 2, 3 and 10", [0, 1, 2, 9].into_iter());
+    let chart =
+        crate::eigenforces::eigenforces(library, "Eigenforces 1, 2, 3 and 10", [0, 1, 2, 9].into_iter());
     writer.chart("eigenforces", &chart)?;
     writer.bar.inc(1);
     Ok(())

@@ -14,10 +14,10 @@ use motorium_learners::experiments::search::is_clearly_larger;
 use motorium_learners::experiments::trials::median;
 use motorium_learners::search::{Evaluation, Outcome};
 use motorium_library::statistics::{mean_and_error, with_error};
+use motorium_pictures::chart::{Chart, Series};
 use serde_json::json;
 
 use super::writer::FigureWriter;
-use crate::chart::{Chart, Series};
 use crate::commands::examples;
 use crate::interrupt::interrupted;
 use crate::registry::registry;

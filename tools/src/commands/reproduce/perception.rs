@@ -4,11 +4,11 @@ use motorium_learners::experiments::perception::{CurveErrors, Letters};
 use motorium_learners::perception::Training;
 use motorium_library::statistics::{mean_and_error, with_error};
 use motorium_library::{DAMPING, Recordings, SampledSpring};
+use motorium_pictures::chart::{Series, Tile, tiles};
 use nalgebra::DMatrix;
 
 use super::letters::chart;
 use super::writer::FigureWriter;
-use crate::chart::{Series, Tile, tiles};
 
 /// Samples of the letters that are learned.
 const LEARNED: usize = 100;

@@ -4,9 +4,9 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use motorium_control::{StackSample, TaskStack, run_stack};
+use motorium_pictures::chart::{Chart, Series};
 
 use super::writer::FigureWriter;
-use crate::chart::{Chart, Series};
 use crate::out::outln;
 use crate::report::decimal;
 

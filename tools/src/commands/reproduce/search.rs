@@ -3,10 +3,10 @@
 use motorium_learners::experiments::search::{Goal, KernelPrior, Search, SearchSpace, is_clearly_larger};
 use motorium_library::statistics::with_error;
 use motorium_library::{MotionLibrary, Recordings};
+use motorium_pictures::chart::Series;
 
 use super::letters::chart;
 use super::writer::FigureWriter;
-use crate::chart::Series;
 
 /// Mean final reward and its standard error, by a number of weights.
 struct Found {

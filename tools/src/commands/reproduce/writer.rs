@@ -8,9 +8,9 @@ use std::time::Instant;
 
 use anyhow::Context as _;
 use indicatif::{ProgressBar, ProgressStyle};
+use motorium_pictures::chart::Chart;
 use serde::{Deserialize, Serialize};
 
-use crate::chart::Chart;
 use crate::out::{errln, outln};
 
 /// A claim, and the verdict of this run.

@@ -8,6 +8,7 @@ mod facts;
 mod hulls;
 mod install;
 mod list;
+mod pose;
 mod profile;
 mod show;
 mod source;
@@ -15,7 +16,7 @@ mod urdf_text;
 
 use std::process::ExitCode;
 
-pub(super) use draw::{OBLIQUE, Pictures, View, size};
+pub(super) use draw::size;
 
 /// Show, check and draw robots: the catalogue's, installed ones, and any URDF or MJCF file.
 ///

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use foxglove::messages::RawImage;
+use motorium_pictures::png;
 use serde_json::{Value, json};
 
 use super::super::Recording;
@@ -10,7 +11,6 @@ use super::dataset::Camera;
 use super::error::DatasetError;
 use super::stats::QUANTILES;
 use crate::parquet::{Column, Values};
-use crate::png;
 
 /// Encoding of depths in metres.
 const DEPTH: &str = "32FC1";

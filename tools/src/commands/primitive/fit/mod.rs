@@ -9,6 +9,7 @@ use std::process::ExitCode;
 
 use anyhow::{Context as _, bail};
 use indicatif::{ProgressBar, ProgressStyle};
+use motorium_pictures::chart::Panel;
 use motorium_primitives::dmp::{
     Demonstration, DmpModel, Regression, RhythmicModel, RhythmicSettings, Scaling, Settings, Variant,
 };
@@ -25,7 +26,6 @@ use shown::Shown;
 
 use super::super::samples::SampleArgs;
 use super::plot;
-use crate::chart::Panel;
 use crate::out::{errln, out, outln};
 use crate::style;
 

@@ -5,9 +5,8 @@ use std::fmt::Write as _;
 
 use motorium::region::EventKind;
 use motorium_bridges::recording::{Analysis, EventLine};
-
-use crate::chart::{Chart, Series};
-use crate::draw::escape;
+use motorium_pictures::chart::{Chart, Series};
+use motorium_pictures::escape;
 
 /// Maximum number of events on the page.
 const EVENTS: usize = 500;

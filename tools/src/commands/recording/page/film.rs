@@ -1,10 +1,10 @@
 //! The robots and the world at some times of a recording, as a strip of pictures.
 
 use motorium::plan::Plan;
-use motorium_bridges::animation;
 use motorium_bridges::recording::{Recording, film};
+use motorium_pictures::animation;
+use motorium_pictures::robot::{OBLIQUE, Pictures, View};
 
-use crate::commands::robot::{OBLIQUE, Pictures, View};
 use crate::html;
 
 /// Pictures of a strip.
@@ -21,7 +21,7 @@ pub(super) fn strip(recording: &Recording, plan: &Plan) -> anyhow::Result<String
     if film.robots.is_empty() {
         return Ok(String::new());
     }
-    let view: View = OBLIQUE.parse().map_err(anyhow::Error::msg)?;
+    let view: View = OBLIQUE.parse()?;
     let pictures = Pictures::new(&film, view, SIZE)?;
     let [width, height] = pictures.dots();
     let mut text = String::from("<h2>Motion</h2>\n<p class=\"strip\">\n");

@@ -14,8 +14,8 @@ use anyhow::Context as _;
 use motorium::launcher::Report as RunReport;
 use motorium::plan::Plan;
 use motorium_bridges::recording::{Analysis, Opened, Recording, Tolerance, TopicAnalysis, analyse, quantile};
+use motorium_pictures::graph::{self, Measured};
 
-use crate::draw::{self, Measured};
 use crate::out::errln;
 use crate::output::{refuse_existing, write_file};
 use crate::report::microseconds;
@@ -98,7 +98,7 @@ fn page(
     let score = analysis.score(recording, plan, Tolerance::default())?;
     body += &reached::goals(&score);
     body += "<h2>Graph</h2>\n";
-    body += &draw::svg(plan, Some(&measured(plan, analysis)));
+    body += &graph::svg(plan, Some(&measured(plan, analysis)));
     body += &topics::section(analysis);
     body += &events::misses(analysis);
     for tracking in &analysis.tracking {

@@ -3,8 +3,8 @@
 use std::fmt::Write as _;
 
 use motorium_bridges::recording::{JointsScore, PoseScore, Score};
+use motorium_pictures::escape;
 
-use crate::draw::escape;
 use crate::report::decimal;
 
 /// Returns the goals of all frames that follow targets; nothing without any.

@@ -3,8 +3,8 @@
 use std::fmt::Write as _;
 
 use motorium::launcher::Report;
+use motorium_pictures::escape;
 
-use crate::draw::escape;
 use crate::report::{causes, items, short_percentiles, warnings};
 
 /// Returns the table of components, and the figures of each result.

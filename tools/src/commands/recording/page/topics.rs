@@ -3,9 +3,9 @@
 use std::fmt::Write as _;
 
 use motorium_bridges::recording::{Analysis, quantile};
+use motorium_pictures::chart::{Chart, Series};
+use motorium_pictures::escape;
 
-use crate::chart::{Chart, Series};
-use crate::draw::escape;
 use crate::report::microseconds;
 
 /// Bars of a histogram.

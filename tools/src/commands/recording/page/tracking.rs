@@ -5,9 +5,8 @@ use std::fmt::Write as _;
 use motorium::plan::Plan;
 use motorium_bridges::foxglove::joints_of_topic;
 use motorium_bridges::recording::Tracking;
-
-use crate::chart::{Panel, panels};
-use crate::draw::escape;
+use motorium_pictures::chart::{Panel, panels};
+use motorium_pictures::escape;
 
 /// Returns the errors of the joints of a topic of states, and their curves with the commanded ones.
 pub(super) fn section(plan: &Plan, Tracking { command, state, joints }: &Tracking) -> String {

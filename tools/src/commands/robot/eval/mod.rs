@@ -13,8 +13,8 @@ use comfy_table::CellAlignment;
 use motorium_robots::{JointKind, Kinematics, Loaded, MimicMode, Model, pinocchio_joint_order};
 use serde_json::{Value, json};
 
-use super::draw::PoseArgs;
 use super::facts::short;
+use super::pose::PoseArgs;
 use super::source::{ProfiledArgs, RobotArgs};
 use crate::out::{errln, outln};
 use crate::report::table;
