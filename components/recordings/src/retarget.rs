@@ -43,7 +43,7 @@ impl Default for RetargetOptions {
     }
 }
 
-/// A joint step that the motion of the limbs does not explain.
+/// A change of branch: a step of a joint that the motion of the limbs does not explain.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BranchChange {
     /// Index of the sample, counted from 0.

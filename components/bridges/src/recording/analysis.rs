@@ -36,7 +36,7 @@ pub struct TopicAnalysis {
     pub latency_ns: Vec<u64>,
     /// Times between consecutive publications, ns, ascending.
     pub interval_ns: Vec<u64>,
-    /// Latency \[ns\] over the time since the first sample \[s\].
+    /// Minimum and maximum latency \[ns\] over the time since the first sample \[s\].
     pub latencies: Envelope,
 }
 

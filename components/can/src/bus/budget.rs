@@ -66,8 +66,9 @@ impl Budget {
         exchanges.sum::<u64>() + self.others.iter().map(|shape| self.ns(shape)).sum::<u64>()
     }
 
-    /// Returns the worst-case time from the first bit of the commands to the last bit of the answers, ns. It
-    /// consists of all bits and the turnaround time of the last answer, while the bus is idle.
+    /// Returns the worst-case time from the first bit of the commands to the last bit of the answers, ns.
+    /// This time is [`busy_ns`](Self::busy_ns) plus one turnaround time, for the last answer, during which
+    /// the bus is idle.
     pub fn complete_ns(&self) -> u64 {
         self.busy_ns() + self.turn_round_ns
     }
@@ -82,7 +83,8 @@ impl Budget {
         self.complete_ns() <= self.cycle_ns
     }
 
-    /// Returns the maximum number of drives with such exchanges that fit into a cycle.
+    /// Returns the largest number of drives that fit into a cycle if each adds the average bus time per drive
+    /// in [`exchanges`](Self::exchanges), including its share of [`others`](Self::others).
     pub fn most(&self) -> u64 {
         let count = self.exchanges.len() as u64;
         if count == 0 {

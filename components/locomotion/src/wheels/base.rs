@@ -168,7 +168,7 @@ impl WheelBase {
     }
 
     /// Projects `twist` onto the velocities that the wheels allow without slip. A base that cannot move
-    /// sideways has no lateral velocity at the axle. Curvature limits of a steered base are in
+    /// sideways has no lateral velocity at the axle. The curvature limits of a steered base are ignored; see
     /// [`curvatures`](Self::curvatures).
     #[must_use]
     pub fn feasible(&self, twist: &PlanarTwist) -> PlanarTwist {

@@ -100,9 +100,9 @@ pub struct CanAdapterConfig {
     /// `homing` are refused, since homing needs torque. Default false.
     #[serde(default)]
     pub observe: bool,
-    /// Distance beyond the limits of a joint (rad or m) at which its drive is still enabled. A reading
-    /// farther out refuses all drives: a drive that is off by a turn would be driven into its stop.
-    /// Non-negative. Default 0.05 for a revolute joint, 0.005 for a prismatic one.
+    /// Distance beyond the limits of a joint (rad or m) at which its drive is still enabled. If any reading
+    /// is farther out, no drive is enabled: a drive whose reading is off by a turn would drive its joint into
+    /// the stop. Non-negative. Default 0.05 for a revolute joint, 0.005 for a prismatic one.
     pub enable_margin: Option<f64>,
     /// True: drives stay enabled at the end of a run until their watchdogs disable them. By default they are
     /// disabled after `settle`, as the last step of an orderly end, and a joint without a holding brake then
