@@ -185,7 +185,7 @@ fn joint_names(loaded: &Loaded) -> Vec<String> {
     loaded.model.joint_names().iter().chain(rotors).cloned().collect()
 }
 
-/// Poses of all links of a robot, computed with motorium's kinematics.
+/// Computes the poses of all links of a robot with motorium's kinematics.
 ///
 /// ```
 /// use motorium::declare::RobotReference;

@@ -15,7 +15,7 @@ use crate::foxglove::{load_visible, robot_of_topic, robots, world_of};
 pub struct Postures {
     /// The robot with its visual shapes. A fixed base is at its pose in the world.
     pub robot: Loaded,
-    /// Configuration `q` at each of the times.
+    /// Configuration `q` at each time of the film.
     pub configurations: Vec<Vec<f64>>,
 }
 
@@ -28,12 +28,12 @@ pub struct Film {
     pub robots: Vec<Postures>,
     /// World of the graph; `None` if it has no world.
     pub world: Option<World>,
-    /// Poses of the world's objects at each of the times.
+    /// Poses of the world's objects at each time in `times_s`.
     pub objects: Vec<Vec<Isometry3<f64>>>,
 }
 
-/// Returns the robots and the world of a recording at ascending times, ns since the first sample. At times
-/// before its first state, a robot has the configuration of its first state.
+/// Returns the robots and the world of a recording at ascending times, ns since the first sample. Before the
+/// first recorded state of a robot, the robot has the configuration of that state.
 ///
 /// # Errors
 /// Returns an error if a message is damaged.

@@ -17,12 +17,12 @@ pub struct Shape {
 }
 
 impl Shape {
-    /// Returns the number of bits of such a frame without stuffing.
+    /// Returns the least number of bits of a frame of this shape, without stuff bits.
     pub fn least(&self) -> Bits {
         Bits::nominal(self.extended, self.form, self.bytes)
     }
 
-    /// Returns the largest number of bits that such a frame can have.
+    /// Returns the worst-case number of bits of a frame of this shape, including stuff bits.
     pub fn worst(&self) -> Bits {
         Bits::worst(self.extended, self.form, self.bytes)
     }

@@ -112,9 +112,9 @@ pub struct CanAdapterConfig {
     /// Longest wait of a step for the answers of drives on real buses. Default half a period. With
     /// `command_within`, answers have until the next step, and a step waits for them only on serial lines.
     pub answer_within: Option<TimeSpan>,
-    /// Longest wait of a step for the command computed from the state it has just published, so that its
-    /// frames are sent immediately. In lockstep no step waits. Default none: the command is sent in the next
-    /// cycle.
+    /// Longest wait of a step for the command computed from the state that the step has just published. The
+    /// frames of the command are then sent immediately. In lockstep no step waits. Default none: the command
+    /// is sent in the next cycle.
     pub command_within: Option<TimeSpan>,
     /// Gravitational acceleration in the world (m/s2), used by the safe states to hold the robot. Default:
     /// the graph's `[world]`, or 9.81 downwards.

@@ -141,7 +141,7 @@ impl Request {
         Ok(Self { node, register: Register::from_code(register)? })
     }
 
-    /// Drive side: returns the answer with the identifier `master`.
+    /// Drive side: returns the drive's answer to a read request: `value`, with the identifier `master`.
     pub fn answer(&self, master: Id, value: Value) -> Frame {
         let bytes = match value {
             Value::Watchdog(time) => {
