@@ -258,7 +258,7 @@ task_config! {
         /// Levenberg-Marquardt damping, s/rad; prevents oscillation if the axis cannot reach the target
         /// direction. Default: 5e-3, or two tick periods if that is larger.
         damping: Option<f64> = None;
-        /// Maximum angle from a goal at which it counts as reached, rad. Default 0.02.
+        /// Maximum angle from a goal at which the goal counts as reached, rad. Default 0.02.
         tolerance: f64 = GoalTolerance::default().orientation => within(0.0..=f64::MAX);
     }
 }
