@@ -196,8 +196,8 @@ impl Database {
         }
     }
 
-    /// Compares only the bits of the identifiers that are set in `mask`, for example to apply the database of
-    /// node 0 to all nodes.
+    /// Restricts the comparison of identifiers to the bits that are set in `mask`, for example to apply the
+    /// database of node 0 to all nodes.
     ///
     /// # Errors
     /// Returns an error if the identifiers of two messages differ only in ignored bits.

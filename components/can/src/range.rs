@@ -32,7 +32,8 @@ impl Range {
         Self { min: 0.0, max }
     }
 
-    /// Returns the number in the range that is nearest to `x`, or nearest to zero for NaN.
+    /// Returns the number in the range that is nearest to `x`. If `x` is NaN, returns the number nearest to
+    /// zero.
     pub fn nearest(&self, x: f64) -> f64 {
         let x = if x.is_nan() { 0.0 } else { x };
         x.clamp(self.min, self.max)

@@ -7,8 +7,8 @@ use crate::SetpointIntegrator;
 
 /// Feed-forward efforts of the independent joints, computed from the model of the robot.
 ///
-/// A joint drive adds it to its feedback: `tau = effort + kp (position - q) + kd (velocity - v)`. Without
-/// gravity and inertia compensation the effort is zero. Only `new` allocates.
+/// A joint drive adds this effort to its feedback: `tau = effort + kp (position - q) + kd (velocity - v)`.
+/// Without gravity and inertia compensation the effort is zero. Only `new` allocates.
 ///
 /// ```
 /// use motorium_control::{FeedForward, SetpointIntegrator};
@@ -50,10 +50,10 @@ impl FeedForward {
         Self { gravity, inertia: None, dynamics: Dynamics::new(model), effort: DVector::zeros(model.nv()) }
     }
 
-    /// Adds the efforts that accelerate the robot like the setpoint and balance centrifugal and Coriolis
-    /// forces: `effort = M(q) a + C(q, v) v + g(q)`. Here `v` is the velocity setpoint and `a` its
-    /// derivative. A low-pass filter with the time constant `smoothing` \[s\] attenuates noise in `a`, which
-    /// arises from setpoints derived from measurements.
+    /// Adds the efforts that give the robot the acceleration of the setpoint, and that balance centrifugal
+    /// and Coriolis forces: `effort = M(q) a + C(q, v) v + g(q)`. Here `v` is the velocity setpoint and `a`
+    /// its derivative. A low-pass filter with the time constant `smoothing` \[s\] attenuates noise in `a`,
+    /// which arises from setpoints derived from measurements.
     #[must_use]
     pub fn with_inertia(mut self, smoothing: f64) -> Self {
         let zeros = self.effort.map(|_| 0.0);

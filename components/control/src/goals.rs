@@ -14,7 +14,8 @@ pub struct GoalError {
 }
 
 impl GoalError {
-    /// Returns the larger distance and the larger angle of two errors.
+    /// Returns the worse of two errors, separately for each quantity: the larger distance and the larger
+    /// angle.
     #[must_use]
     pub fn worse(self, other: Self) -> Self {
         let orientation = match (self.orientation, other.orientation) {

@@ -1,7 +1,7 @@
 //! Mixtures of solutions, for tasks that fade.
 
-/// A weighted sum of solutions. With nonnegative weights that sum to 1, the sum satisfies all limits that its
-/// solutions satisfy. This includes friction, unilateral contacts and torque limits, which are convex.
+/// A weighted sum of solutions. If the weights are nonnegative and sum to 1, the weighted sum satisfies every
+/// convex limit that all solutions satisfy. Friction, unilateral contacts and torque limits are convex.
 ///
 /// The only task on a level has the same effect with a small weight as with a large one, so reducing its
 /// weight cannot fade it out. Mixing the solutions with and without the task can.
@@ -53,14 +53,14 @@ impl Mixture {
         self.unknowns.fill(0.0);
     }
 
-    /// Adds a solution with the weight `share`.
+    /// Adds a solution, given by its unknowns, with the weight `share`.
     pub fn add(&mut self, share: f64, solution: &[f64]) {
         for (mixed, unknown) in self.unknowns.iter_mut().zip(solution) {
             *mixed += share * unknown;
         }
     }
 
-    /// Returns the weighted sum.
+    /// Returns the unknowns of the mixture: the weighted sum of the unknowns of all solutions.
     pub fn unknowns(&self) -> &[f64] {
         &self.unknowns
     }

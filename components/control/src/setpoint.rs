@@ -6,8 +6,8 @@ use nalgebra::DVector;
 /// Distance outside a position limit that is treated as zero, rad or m.
 const AT_LIMIT: f64 = 1e-6;
 
-/// Commanded joint positions and velocities. The positions are the integral of joint velocities, kept within
-/// the position limits.
+/// Integrates joint velocities to a setpoint: the commanded joint positions and velocities. The positions are
+/// kept within the position limits.
 ///
 /// A joint that starts outside its limits may stay or return, but never moves farther out.
 #[derive(Clone, Debug)]

@@ -14,7 +14,8 @@ use crate::{Recording, RecordingError};
 /// A limb of a robot.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RobotLimb {
-    /// Name of the human limb, whose channels end in `_x`, `_y` and `_z`.
+    /// Name of the corresponding human limb. The channels with its direction are this name with `_x`, `_y`
+    /// and `_z` appended.
     pub name: String,
     /// Frame at the start of the limb.
     pub from: FrameId,
@@ -43,7 +44,7 @@ impl Default for RetargetOptions {
     }
 }
 
-/// A joint step that the motion of the limbs does not explain.
+/// A change of branch: a step of a joint that the motion of the limbs does not explain.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BranchChange {
     /// Index of the sample, counted from 0.

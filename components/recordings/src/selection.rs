@@ -6,8 +6,8 @@ use crate::time::Clock;
 /// A selection of the channels to read from a file. [`Default`] selects all position channels.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Selection {
-    /// Field whose numbers are the channels, such as `velocity`. In a state buffer printed as JSON, it is the
-    /// field with this name. In a table, it selects the columns `NAME_velocity`. Default: `position` if
+    /// Field whose numbers are the channels, such as `velocity`. In a table, `velocity` selects the columns
+    /// `NAME_velocity`; in a state buffer printed as JSON, the field `velocity`. Default: `position` if
     /// present, otherwise all numbers.
     pub field: Option<String>,
     /// Names of the channels to keep, in this order; a name that ends in `*` matches a prefix. Default: all.

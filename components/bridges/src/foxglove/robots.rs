@@ -25,7 +25,8 @@ pub struct Description {
     pub topic: String,
     /// URDF text of the robot: the text of its file, or a conversion of its MJCF.
     pub text: String,
-    /// URDF text for viewers of files, which cannot request `meshes`. Collision shapes replace those meshes.
+    /// URDF text for viewers that open a recorded file and therefore cannot request `meshes`. Collision
+    /// shapes replace those meshes.
     pub plain: String,
     /// MJCF text of the robot's file; `None` if the file is not MJCF.
     pub mjcf: Option<String>,
@@ -184,7 +185,7 @@ fn joint_names(loaded: &Loaded) -> Vec<String> {
     loaded.model.joint_names().iter().chain(rotors).cloned().collect()
 }
 
-/// Poses of all links of a robot, computed with motorium's kinematics.
+/// Computes the poses of all links of a robot with motorium's kinematics.
 ///
 /// ```
 /// use motorium::declare::RobotReference;

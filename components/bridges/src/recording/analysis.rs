@@ -26,7 +26,7 @@ pub struct Analysis {
 pub struct TopicAnalysis {
     /// Name of the topic.
     pub name: String,
-    /// Name of its type.
+    /// Name of the topic's type.
     pub type_name: String,
     /// Number of samples in the recording.
     pub samples: u64,
@@ -36,7 +36,7 @@ pub struct TopicAnalysis {
     pub latency_ns: Vec<u64>,
     /// Times between consecutive publications, ns, ascending.
     pub interval_ns: Vec<u64>,
-    /// Latency \[ns\] over the time since the first sample \[s\].
+    /// Minimum and maximum latency \[ns\] over the time since the first sample \[s\].
     pub latencies: Envelope,
 }
 
@@ -61,7 +61,7 @@ pub struct TrackedJoint {
     /// Commanded positions \[rad or m\] over the time since the first sample \[s\], at times when positions
     /// are commanded.
     pub commanded: Vec<(f64, f64)>,
-    /// Measured positions \[rad or m\] at the same times.
+    /// Measured positions \[rad or m\] at the times of `commanded`.
     pub measured: Vec<(f64, f64)>,
 }
 

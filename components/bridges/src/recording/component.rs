@@ -49,9 +49,9 @@ pub struct RecordConfig {
     /// every sample. Default 20 ms.
     #[serde(default = "drawn_every")]
     pub drawn_every: TimeSpan,
-    /// Time for which the graph buffers the values of each state for the recorder, 1 ms to 10 s. The recorder
-    /// polls four times within it, at least every 50 ms. If the recorder is delayed for longer, samples are
-    /// lost. Default 200 ms.
+    /// Longest delay of the recorder that the graph bridges by buffering each state's values, 1 ms to 10 s.
+    /// The recorder polls four times within this delay, at least every 50 ms. If the recorder is delayed for
+    /// longer, samples are lost. Default 200 ms.
     #[serde(default = "bridges")]
     pub bridges: TimeSpan,
     /// Length of the period before a failure that is recorded. It is kept in memory and written when the run

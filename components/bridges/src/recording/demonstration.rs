@@ -101,9 +101,9 @@ impl Demonstration {
     /// Reads a demonstration from a topic of observations and a topic of actions. `None` selects the only
     /// topic of the type.
     ///
-    /// Each action is paired with the latest observation at its time, if both belong to the same episode. If
-    /// several actions precede the next observation, the first one is used. Observations without an action
-    /// are skipped.
+    /// Each action is paired with the latest observation at the time of the action, if both belong to the
+    /// same episode. If several actions precede the next observation, the first one is used. Observations
+    /// without an action are skipped.
     ///
     /// # Errors
     ///

@@ -9,8 +9,8 @@ use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 use super::{ReadError, RecordedSample, Recording};
 use crate::foxglove::{load_visible, robot_of_topic, robots, world_of};
 
-/// Returns the robots and the world of a recording at ascending times, ns since the first sample. Before its
-/// first state, a robot has the configuration of that state.
+/// Returns the robots and the world of a recording at ascending times, ns since the first sample. Before the
+/// first recorded state of a robot, the robot has the configuration of that state.
 ///
 /// # Errors
 /// Returns an error if a message is damaged.

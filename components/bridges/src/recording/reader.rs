@@ -200,8 +200,8 @@ impl Recording {
         self.scan.attachments.iter().find(|(known, _)| known == name).map(|(_, content)| content.as_slice())
     }
 
-    /// Returns the last message of a channel without a topic, such as
-    /// [`WORLD_SCENE`](crate::foxglove::WORLD_SCENE).
+    /// Returns the latched message of `channel`: the last message of a channel without a topic, such as
+    /// [`WORLD_SCENE`](crate::foxglove::WORLD_SCENE). Returns `None` if no such channel has a message.
     pub fn latched(&self, channel: &str) -> Option<&[u8]> {
         self.scan.latched.get(channel).map(Vec::as_slice)
     }

@@ -41,8 +41,8 @@ pub fn replaced(recording: &Recording, names: &[String]) -> Result<Plan, ReadErr
 }
 
 /// Returns the plan of a replay in lockstep, in which every component except the `live` ones is replaced by a
-/// `log.replay`. The run lasts as long as the recorded episode with index `episode`, or as all episodes if it
-/// is `None`.
+/// `log.replay`. The run lasts as long as the recorded episode with index `episode`. If `episode` is `None`,
+/// the run lasts as long as all recorded episodes together.
 ///
 /// # Errors
 /// Returns an error if the recording has no readable plan, or if there is no such component or episode.
@@ -85,8 +85,8 @@ pub fn replayed(recording: &Recording, live: &[String], episode: Option<u64>) ->
 
 /// Extends a plan so that robots move to the start pose before the replay and come to rest after the last
 /// command. The replay is delayed by `lead` for the approach; `ramp_down` is the time to come to rest. This
-/// applies to robots whose actuators are `live`, which follow recorded joint commands and whose joint states
-/// a live component measures. Returns the names of the components with eased commands.
+/// applies to each robot with a live actuator that follows recorded joint commands, if a live component
+/// measures the robot's joint state. Returns the names of the components with eased commands.
 pub fn ease_in(plan: &mut Plan, live: &[String], lead: TimeSpan, ramp_down: TimeSpan) -> Vec<String> {
     let is_live = |index: usize| live.contains(&plan.components[index].name);
     let is_followed = |topic: usize| {

@@ -231,8 +231,8 @@ pub fn curves(recording: &Recording, signals: &[Signal]) -> Result<Vec<Curve>, S
 }
 
 impl Curve {
-    /// Returns the curve with at most this number of points, by replacing each time interval by its minimum
-    /// and maximum.
+    /// Returns the points of the curve, thinned to at most `points`. A curve with more points is divided into
+    /// time intervals, each represented by its minimum and maximum.
     #[must_use]
     pub fn thinned(&self, points: usize) -> Vec<(f64, f64)> {
         if self.points.len() <= points {
@@ -246,7 +246,8 @@ impl Curve {
     }
 }
 
-/// Minimum and maximum of each time interval. It reduces a curve of any length to one that can be drawn.
+/// Minimum and maximum of a curve in each time interval. An envelope reduces a curve of any length to one
+/// that can be drawn.
 ///
 /// ```
 /// use motorium_bridges::recording::Envelope;

@@ -7,7 +7,7 @@ pub struct Counts {
     pub awaited: u64,
     /// Number of frames after the first answer that were not answered before the next one was sent.
     pub missing: u64,
-    /// Number of answers to a frame before the latest one.
+    /// Number of late answers, which answer a frame sent before the latest one.
     pub late: u64,
     /// Number of additional answers to a frame that has already been answered.
     pub duplicate: u64,

@@ -37,8 +37,8 @@ impl Adapter {
         true
     }
 
-    /// Returns the drive that was not enabled again because its joint was outside of its range, and its
-    /// position.
+    /// Returns the index of the drive that was not enabled again because its joint was out of range, and the
+    /// position and range of this joint.
     pub fn out_of_range(&self) -> Option<(usize, WrongSetting)> {
         self.out_of_range
     }

@@ -13,11 +13,11 @@ pub(super) use stop::{Outcome, Stop};
 /// Progress of a homing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum HomingState {
-    /// The position is unknown.
+    /// Homing waits to start; the position is unknown.
     Waiting,
     /// Homing is running.
     Running,
-    /// The position is known.
+    /// The joint is homed, and its position is known.
     Homed,
     /// Homing failed.
     Failed(HomingFault),

@@ -17,12 +17,12 @@ pub struct Shape {
 }
 
 impl Shape {
-    /// Returns the number of bits of such a frame without stuffing.
+    /// Returns the least number of bits of a frame of this shape, without stuff bits.
     pub fn least(&self) -> Bits {
         Bits::nominal(self.extended, self.form, self.bytes)
     }
 
-    /// Returns the largest number of bits that such a frame can have.
+    /// Returns the worst-case number of bits of a frame of this shape, including stuff bits.
     pub fn worst(&self) -> Bits {
         Bits::worst(self.extended, self.form, self.bytes)
     }
@@ -66,8 +66,9 @@ impl Budget {
         exchanges.sum::<u64>() + self.others.iter().map(|shape| self.ns(shape)).sum::<u64>()
     }
 
-    /// Returns the worst-case time from the first bit of the commands to the last bit of the answers, ns. It
-    /// consists of all bits and the turnaround time of the last answer, while the bus is idle.
+    /// Returns the worst-case time from the first bit of the commands to the last bit of the answers, ns.
+    /// This time is [`busy_ns`](Self::busy_ns) plus one turnaround time, for the last answer, during which
+    /// the bus is idle.
     pub fn complete_ns(&self) -> u64 {
         self.busy_ns() + self.turn_round_ns
     }
@@ -82,7 +83,8 @@ impl Budget {
         self.complete_ns() <= self.cycle_ns
     }
 
-    /// Returns the maximum number of drives with such exchanges that fit into a cycle.
+    /// Returns the largest number of drives that fit into a cycle if each adds the average bus time per drive
+    /// in [`exchanges`](Self::exchanges), including its share of [`others`](Self::others).
     pub fn most(&self) -> u64 {
         let count = self.exchanges.len() as u64;
         if count == 0 {

@@ -16,7 +16,7 @@ pub enum Event {
         sender: usize,
         /// Frame.
         frame: Frame,
-        /// Time of its last bit, ns.
+        /// Time of the frame's last bit, ns.
         time_ns: u64,
     },
     /// A frame was disturbed and will be sent again.

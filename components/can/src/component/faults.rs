@@ -48,7 +48,7 @@ pub enum FaultKind {
     Corrupt,
     /// The drive sends each answer twice.
     Duplicate,
-    /// Another drive has the same number: it also answers, from a different position.
+    /// A second drive with the same number also answers, and reports a different position.
     Twin,
     /// The drive has no power: it receives nothing, answers nothing and is disabled.
     Off,
@@ -62,7 +62,8 @@ pub enum FaultKind {
     Disturbed,
     /// The controller of the adapter is bus-off, and recovers at the end of the fault.
     BusOff,
-    /// The cable is unplugged behind the adapter: its frames are not acknowledged. On simulated buses.
+    /// The cable between the adapter and the drives is unplugged: frames of the adapter are not acknowledged.
+    /// On simulated buses.
     Alone,
     /// The interface of the adapter is down. On simulated buses.
     Down,

@@ -18,7 +18,7 @@ pub enum DeviceKind {
     Damiao {
         /// Identifier of the drive's answers.
         master: u16,
-        /// Watchdog, ns, 0 for off; `None` if not read.
+        /// Watchdog time, ns, 0 for off; `None` if not read.
         watchdog_ns: Option<u64>,
         /// Limits of the ranges: position (rad), velocity (rad/s), torque (N m); `None` for a limit that was
         /// not read.

@@ -17,21 +17,22 @@ pub enum HomingFault {
     /// The drive disabled itself during the homing.
     #[error("the drive disabled itself during homing")]
     LetGo,
-    /// The drive refused a homing object.
+    /// The drive refused an object of its homing, with this abort code.
     #[error("the drive refuses an object of its homing: code 0x{0:08X}")]
     Refused(u32),
-    /// The joint did not move off its stop.
+    /// The joint did not move away from its stop.
     #[error("the joint does not move away from the stop: is it jammed, or is its brake engaged?")]
     Jammed,
-    /// The joint came to rest at two different positions.
+    /// The stop was found at two positions, this far apart \[rad or m\].
     #[error("the stop was found at two positions, {0:.4} rad or m apart: is there a soft obstacle?")]
     Ambiguous(f64),
-    /// The joint moved back when half of the effort held it at the stop.
+    /// The joint moved back from the stop when the effort was halved, as a joint stopped only by its weight
+    /// does.
     #[error(
         "the joint does not stay at rest with half of `effort`: was it stopped by its weight instead of a mechanical stop?"
     )]
     Balanced,
-    /// The joint moved much faster than commanded.
+    /// The joint moved much faster than commanded, by this factor.
     #[error("the joint moves {0:.1} times as fast as commanded: is it pulled by its load?")]
     Runaway(f64),
 }

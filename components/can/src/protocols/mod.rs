@@ -291,7 +291,9 @@ pub(crate) fn mit_codec(setup: &DriveSetup<'_>) -> Option<mit::codec::Drive> {
 }
 
 impl DriveEntry {
-    /// Returns `true` if the joint has to be moved before its position is known.
+    /// Returns `true` if the joint must be homed after power-up: its position is unknown until a homing
+    /// motion has finished. Returns `false` without `homing`, and for servos, whose `homing` only compares a
+    /// stored offset.
     pub fn is_homed(&self) -> bool {
         self.homing.is_some() && self.protocol.spec().homing.moves
     }

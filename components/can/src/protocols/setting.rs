@@ -5,7 +5,7 @@ use crate::drive::PositionReference;
 /// Setting of a drive that differs from the drive table.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum WrongSetting {
-    /// The watchdog time differs, ns; `None` for off.
+    /// The watchdog time \[ns\] differs; `None` means that the drive's watchdog is off.
     #[error("the watchdog is {}, but the drive table has {} ms", ms(*.found), *.expected as f64 / 1e6)]
     Watchdog {
         /// Value in the drive.
@@ -33,7 +33,7 @@ pub enum WrongSetting {
         /// Register or object that contains the mode.
         register: &'static str,
     },
-    /// Before the drive is enabled, the joint is outside of its range, rad or m.
+    /// The joint is outside of its range \[rad or m\], so the drive is not enabled.
     #[error(
         "the joint reads {found:.3} rad or m, outside its range of {lower:.3} to {upper:.3} (margin {margin}): {}",
         correction(*turns)
@@ -60,7 +60,7 @@ pub enum WrongSetting {
         /// Value in the table.
         expected: f64,
     },
-    /// The homing offset of a servo differs, steps.
+    /// The homing offset of a servo \[steps\] differs.
     #[error("the homing offset is {found} steps, but the drive table has {expected}")]
     HomingOffset {
         /// Value in the servo.
@@ -68,7 +68,7 @@ pub enum WrongSetting {
         /// Value in the table.
         expected: i32,
     },
-    /// The rated torque, the base of torques in thousandths, differs, N m.
+    /// The rated torque \[N m\], the base of torques in thousandths, differs.
     #[error("the rated torque is {found} N m, but the drive table has {expected} N m")]
     RatedTorque {
         /// Value in the drive.
@@ -76,7 +76,7 @@ pub enum WrongSetting {
         /// Value in the table.
         expected: f64,
     },
-    /// The rated current, the base of currents in thousandths, differs, A.
+    /// The rated current \[A\], the base of currents in thousandths, differs.
     #[error("the rated current is {found} A, but the drive table has {expected} A")]
     RatedCurrent {
         /// Value in the drive.
@@ -102,7 +102,7 @@ pub enum WrongSetting {
         /// Mode in which the servo follows positions.
         expected: u8,
     },
-    /// The limits of a servo's goals are narrower than the table's positions, rad.
+    /// The limits of a servo's goals \[rad\] are narrower than the table's range of positions.
     #[error("the goal limits are {:.3} and {:.3} rad, but the drive table has positions up to {expected} rad", .found[0], .found[1])]
     Goals {
         /// Limits in the servo.

@@ -226,7 +226,9 @@ impl Table {
         }
     }
 
-    /// Returns the ranges of the fields of drive `index`, or the largest values within its limits.
+    /// Returns the ranges of the fields of drive `index` or, for a protocol without ranges, the largest
+    /// values that the drive reaches. A current limit in the table reduces the torque. The gains stored in a
+    /// moteus drive limit the ranges of gains.
     pub fn ranges(&self, index: usize) -> Ranges {
         self.drives[index].limited_ranges()
     }

@@ -63,7 +63,8 @@ pub struct MeasuredState {
 /// A step with a fresh state.
 #[derive(Clone, Copy, Debug)]
 pub struct FreshStep {
-    /// `true` at the start and after an interruption of the state.
+    /// `true` if this step begins a sequence of fresh states: the first step, or the first one after an
+    /// interruption.
     pub begins: bool,
     /// Time since the last step with a fresh state, s. After missed steps it spans several periods, so that
     /// setpoints do not lag behind the robot.

@@ -97,7 +97,7 @@ impl Contact {
         }
     }
 
-    /// Returns the number of constrained directions of motion.
+    /// Returns the number of rows of the no-motion constraint, one per constrained direction of motion.
     pub fn rows(&self) -> usize {
         match self.shape {
             ContactShape::Point | ContactShape::Ball { .. } => 3,

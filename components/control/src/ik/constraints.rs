@@ -167,8 +167,8 @@ impl<S: QpSolver> DifferentialIk<S> {
         limit.narrow(state, before, dt, &mut self.problem);
     }
 
-    /// Prescribes the velocity \[rad/s or m/s\] at `index` of `v`. It replaces the limits already added for
-    /// this index.
+    /// Prescribes the velocity \[rad/s or m/s\] at `index` of `v`. This velocity replaces the limits already
+    /// added for `index`.
     pub fn prescribe(&mut self, index: usize, velocity: f64) {
         let Self { problem, wide_bounds: [lower, upper], .. } = self;
         for bounds in [&mut problem.lower, &mut problem.upper, lower, upper] {

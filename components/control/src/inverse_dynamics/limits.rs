@@ -29,7 +29,7 @@ impl InverseDynamics {
     }
 
     /// Sets the acceleration of a joint to zero for this tick and ignores its limits. Use this for a joint
-    /// that its drive moves by its gains.
+    /// that is moved by the gains of its drive, such as a finger.
     pub fn coast(&mut self, joint: usize) {
         let variable = self.order.base + joint;
         (self.problem.lower[variable], self.problem.upper[variable]) = (0.0, 0.0);

@@ -100,7 +100,7 @@ pub struct Slack {
     pub contact: f64,
     /// Largest excess of a joint's acceleration over its limits \[rad/s2 or m/s2\].
     pub joint: f64,
-    /// Largest excess of an acceleration over a velocity limit's bound \[m/s2 or rad/s2\].
+    /// Largest excess of an acceleration over a bound derived from a velocity limit \[m/s2 or rad/s2\].
     pub limit: f64,
     /// Largest weighted residual of a constraint task, in the units of its rows.
     pub task: f64,

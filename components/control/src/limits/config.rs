@@ -22,8 +22,9 @@ pub struct LimitsConfig {
     pub frames: Vec<FrameLimitConfig>,
     /// Maximum speeds of the centre of mass. Default: no limits.
     pub centre_of_mass_velocity: Option<CentreOfMassLimitConfig>,
-    /// Minimum distances between links, and from the ground and objects of the world. Default: no limits.
+    /// Minimum distances of links from each other, from the ground and from objects of the world. Default: no
+    /// limits.
     pub collision: Option<CollisionConfig>,
-    /// Point that must stay above the support polygon. Default: no limit.
+    /// Limit that keeps a point of the robot above the support polygon. Default: no limit.
     pub support: Option<SupportConfig>,
 }

@@ -66,8 +66,8 @@ impl<'a> LimitRows<'a> {
         self.write(row, (-rate * left).min(recovery), f64::INFINITY);
     }
 
-    /// Appends a control barrier like [`push_barrier`](Self::push_barrier), with a `row` of opposite sign:
-    /// `row v <= max(rate left, -recovery)`.
+    /// Appends the control barrier of [`push_barrier`](Self::push_barrier) as an upper bound, where `row` is
+    /// the negative gradient of the remaining distance `left`: `row v <= max(rate left, -recovery)`.
     ///
     /// # Panics
     /// If the limit has already written all its rows.

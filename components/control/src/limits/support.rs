@@ -62,7 +62,8 @@ pub struct SupportLimit {
 }
 
 impl SupportLimit {
-    /// Creates a limit for `model` with up to `most` support points. Without support points it has no effect.
+    /// Creates a limit for `model` with up to `most` support points. The limit has no effect until support
+    /// points are set.
     pub fn new(model: &Model, most: usize, supported: Supported) -> Self {
         Self {
             supported,
@@ -134,7 +135,8 @@ impl RowLimit for SupportLimit {
 }
 
 with_defaults! {
-    /// A point of the robot that must stay above the convex hull of its support, enforced at every level.
+    /// Limit that keeps a point of the robot above the convex hull of its support points, enforced at every
+    /// level.
     #[derive(Debug, Clone, Deserialize, JsonSchema)]
     #[serde(default, deny_unknown_fields)]
     pub struct SupportConfig;

@@ -459,10 +459,10 @@ task_config! {
         /// Levenberg-Marquardt damping, s m/rad^2; prevents oscillation if the target is out of reach.
         /// Default: 5e-3, or two tick periods times one metre if that is larger.
         damping: Option<f64> = None;
-        /// Maximum distance from a goal at which it counts as reached, m. Default 5e-3; unlimited if
+        /// Maximum distance from a goal at which the goal counts as reached, m. Default 5e-3; unlimited if
         /// `position_weight` is 0.
         position_tolerance: f64 = GoalTolerance::default().position => within(0.0..=f64::MAX);
-        /// Maximum angle from a goal at which it counts as reached, rad. Default 0.02; unlimited if
+        /// Maximum angle from a goal at which the goal counts as reached, rad. Default 0.02; unlimited if
         /// `orientation_weight` is 0.
         orientation_tolerance: f64 = GoalTolerance::default().orientation => within(0.0..=f64::MAX);
     }

@@ -166,8 +166,8 @@ task_config! {
         /// Levenberg-Marquardt damping, s m/rad^2; prevents oscillation if the target is out of reach.
         /// Default: 5e-3, or two tick periods times one metre if that is larger.
         damping: Option<f64> = None;
-        /// Maximum distance from a goal, along the controlled axes, at which it counts as reached, m. Default
-        /// 5e-3.
+        /// Maximum distance from a goal, along the controlled axes, at which the goal counts as reached, m.
+        /// Default 5e-3.
         tolerance: f64 = GoalTolerance::default().position => within(0.0..=f64::MAX);
     }
 }

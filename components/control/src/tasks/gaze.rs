@@ -29,7 +29,7 @@ with_defaults! {
     /// Maximum angular speed at which the error is corrected \[rad/s\]. Default infinite.
     pub max_speed: f64 = f64::INFINITY;
     /// Levenberg-Marquardt damping per unit of correction speed \[s/rad\]. Prevents oscillation if the axis
-    /// cannot reach the target direction, and vanishes when it does. Default 5e-3.
+    /// cannot reach the target direction, and vanishes once the axis points at the target. Default 5e-3.
     pub damping: f64 = 5e-3;
 }
 
@@ -258,7 +258,7 @@ task_config! {
         /// Levenberg-Marquardt damping, s/rad; prevents oscillation if the axis cannot reach the target
         /// direction. Default: 5e-3, or two tick periods if that is larger.
         damping: Option<f64> = None;
-        /// Maximum angle from a goal at which it counts as reached, rad. Default 0.02.
+        /// Maximum angle from a goal at which the goal counts as reached, rad. Default 0.02.
         tolerance: f64 = GoalTolerance::default().orientation => within(0.0..=f64::MAX);
     }
 }

@@ -10,14 +10,15 @@ use super::ramp::{Fades, Ramped, TaskBounds};
 use crate::limits::{CollisionConfig, FrameLimitConfig, RowLimit};
 
 task_config! {
-    /// A task of soft limits. They yield to tasks with lower level numbers, and partially to tasks on the
+    /// A limit task: soft limits that yield to tasks with lower level numbers, and partially to tasks on the
     /// same level.
     LimitConfig "limit" {
         /// Cost of a velocity beyond a limit, 1/(m/s) or 1/(rad/s), more than 0, at most 1000. Default 10.
         weight: f64 = 10.0 => live(1e-6..=*WEIGHTS.end(), "1/(m/s)", "cost of a velocity beyond a limit");
         /// Limits of the positions and velocities of frames, as in `limits.frames`.
         frames: Vec<FrameLimitConfig> = Vec::new();
-        /// Minimum distances between links, as in `limits.collision`.
+        /// Minimum distances of links from each other, from the ground and from objects, as in
+        /// `limits.collision`.
         collision: Option<CollisionConfig> = None;
     }
 }

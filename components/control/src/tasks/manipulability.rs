@@ -37,8 +37,8 @@ pub enum Measure {
 /// (OpenSoT's task, and PyRoboLearn's task of force manipulability.) Velocity manipulability moves the robot
 /// away from singular configurations. Force manipulability moves it towards them, where the gradient is
 /// unbounded and the maximum speed applies. A singular configuration has no gradient, and the task commands
-/// zero velocity. A floating base does not change the measure and is commanded to rest. With accelerations,
-/// velocity errors decay at the [`rate`](Self::rate).
+/// zero velocity. A floating base does not change the measure and is commanded to rest. Under acceleration
+/// control, velocity errors decay at the [`rate`](Self::rate).
 #[derive(Clone, Debug)]
 pub struct ManipulabilityTask {
     frame: FrameId,

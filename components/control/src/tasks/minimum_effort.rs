@@ -19,8 +19,8 @@ const STEP: f64 = 1e-5;
 ///
 /// (OpenSoT's task.) `dg/dq` of the joints is the second derivative of the potential energy and therefore
 /// symmetric. The gradient is thus the change of `g` along the scaled efforts: one central difference for any
-/// number of joints. A floating base is commanded to rest. With accelerations, velocity errors decay at the
-/// [`rate`](Self::rate).
+/// number of joints. A floating base is commanded to rest. Under acceleration control, velocity errors decay
+/// at the [`rate`](Self::rate).
 ///
 /// ```
 /// use motorium_control::{RobotState, tasks::{MinimumEffortTask, VelocityTask}};

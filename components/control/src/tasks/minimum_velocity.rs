@@ -14,8 +14,8 @@ use crate::{MotionState, RobotState};
 ///
 /// (OpenSoT's and PyRoboLearn's tasks of minimum velocity, `v* = 0`, and of minimum acceleration, `v*` the
 /// velocity of the previous tick.) Weight factors let some joints, or a floating base, move more than others.
-/// With accelerations the task damps the joints: velocity errors decay at the [`rate`](Self::rate), and a
-/// floating base is left to other tasks.
+/// Under acceleration control, the task damps the joints: velocity errors decay at the [`rate`](Self::rate),
+/// and a floating base is left to other tasks.
 ///
 /// ```
 /// use motorium_control::tasks::MinimumVelocityTask;

@@ -18,7 +18,7 @@ macro_rules! methods {
 /// Defines one method of [`methods!`].
 macro_rules! method {
     (weight($unit:literal)) => {
-        #[doc = concat!("The same task with a weight \\[", $unit, "\\].")]
+        #[doc = concat!("Sets the weight of the task \\[", $unit, "\\].")]
         #[must_use]
         pub fn weight(mut self, weight: f64) -> Self {
             self.weight = weight;
@@ -32,7 +32,7 @@ macro_rules! method {
         }
     };
     (with($gain_unit:literal, $weight_unit:literal)) => {
-        #[doc = concat!("The same task with a gain \\[", $gain_unit, "\\] and a weight \\[", $weight_unit, "\\].")]
+        #[doc = concat!("Sets the gain \\[", $gain_unit, "\\] and the weight \\[", $weight_unit, "\\].")]
         #[must_use]
         pub fn with(mut self, gain: f64, weight: f64) -> Self {
             self.set(gain, weight);
@@ -46,7 +46,7 @@ macro_rules! method {
         }
     };
     (rate($reduced:literal)) => {
-        #[doc = concat!("The same task with a rate \\[1/s\\] at which accelerations reduce ", $reduced, ".")]
+        #[doc = concat!("Sets the rate \\[1/s\\] at which ", $reduced, " decays under acceleration control.")]
         #[must_use]
         pub fn rate(mut self, rate: f64) -> Self {
             self.equation.response = Response::velocity(rate);
@@ -54,8 +54,8 @@ macro_rules! method {
         }
     };
     (feedback($setter:literal)) => {
-        /// Replaces the feedback used with accelerations.
-        #[doc = concat!("[`", $setter, "`](Self::", $setter, ") replaces it.")]
+        /// Replaces the feedback used under acceleration control. A later call of
+        #[doc = concat!("[`", $setter, "`](Self::", $setter, ") overwrites this feedback.")]
         #[must_use]
         pub fn feedback(mut self, feedback: Feedback) -> Self {
             self.equation.response.feedback = feedback;
@@ -81,8 +81,9 @@ macro_rules! settings {
                 self
             }
 
-            /// Changes the settings from the next update on. With accelerations, the error decays critically
-            /// damped at the gain.
+            /// Changes the settings from the next update on. Under acceleration control, this also replaces
+            /// the task's feedback: the error then decays at the rate `gain` of the settings, critically
+            /// damped.
             pub fn set_settings(&mut self, settings: $settings) {
                 self.settings = settings;
                 self.equation.response = settings.response();

@@ -203,7 +203,7 @@ task_config! {
     RelativeConfig "relative" {
         /// Link whose frame moves. Default: the robot's only end effector.
         frame: Option<String> = None;
-        /// Link relative to whose frame the target is given.
+        /// Link whose frame is the reference frame of the target.
         other: String = String::new();
         /// Name of the input port of the target: the pose of `frame` in `other`; its velocity is ignored.
         /// Without a target the initial pose is kept. Default "relative_target".

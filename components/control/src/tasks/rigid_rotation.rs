@@ -56,8 +56,8 @@ impl RigidRotationTask {
         Self { wheel, base, axis, normal, twist: [0.0; 3], weight: 1.0, frame_jacobian, equation }
     }
 
-    /// Changes the gain and weight from the next update on. With accelerations, the error decays critically
-    /// damped at the gain.
+    /// Changes the gain and weight from the next update on. Under acceleration control, this also replaces
+    /// the task's feedback: the error then decays at the rate `gain`, critically damped.
     pub fn set(&mut self, gain: f64, weight: f64) {
         (self.equation.response, self.weight) = (Response::decay(gain), weight);
     }
@@ -124,7 +124,7 @@ impl Task for RigidRotationTask {
 }
 
 task_config! {
-    /// A rigid-rotation task: steers a wheel until it rolls in the direction in which its base moves it.
+    /// A rigid-rotation task: steers a wheel into the direction in which the base moves the wheel.
     RigidRotationConfig "rigid_rotation" {
         /// Link of the wheel. The origin of its frame must be at the centre of the wheel.
         frame: String = String::new();

@@ -37,9 +37,10 @@ with_defaults! {
 /// W  = diag(f, s, y)
 /// ```
 ///
-/// Position drift is not corrected. With accelerations, velocity errors decay at the [`rate`](Self::rate).
-/// (OpenSoT's task, whose wheel is a [`RollingTask`](super::RollingTask) here.) With zero forward and yaw
-/// weights only sideways motion is excluded: a base moved by other tasks behaves as if on an axle.
+/// Position drift is not corrected. Under acceleration control, velocity errors decay at the
+/// [`rate`](Self::rate). (OpenSoT's task, whose wheel is a [`RollingTask`](super::RollingTask) here.) With
+/// zero forward and yaw weights only sideways motion is excluded: a base moved by other tasks behaves as if
+/// on an axle.
 ///
 /// ```
 /// use motorium_control::{RobotState, tasks::{UnicycleSettings, UnicycleTask, VelocityTask}};

@@ -36,8 +36,8 @@ pub struct UdpSensorConfig {
     /// Default: any sender, if `address` is a loopback address.
     #[serde(default)]
     pub from: Vec<String>,
-    /// Accepted local users: "own" accepts the user of the graph and root, identified by the owner of the
-    /// sending socket, which must stay open; "any" accepts all. Default "own".
+    /// Local users whose datagrams are accepted: "own" for the user of the graph and root, "any" for all
+    /// users. With "own", the user is the owner of the sending socket, which must stay open. Default "own".
     #[serde(default)]
     pub local_users: LocalUsers,
 }

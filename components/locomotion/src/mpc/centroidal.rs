@@ -94,8 +94,9 @@ impl CentroidalMpc {
     }
 
     /// Computes the forces of the horizon from `state`, `elapsed` seconds after the previous solve. `inertia`
-    /// is the inertia of the whole robot about its centre of mass in world axes \[kg m2\], at the reference's
-    /// `heading` \[rad\].
+    /// is the inertia of the whole robot about its centre of mass, in world axes \[kg m2\], while the
+    /// reference has the heading `heading` \[rad\]. In later steps the inertia turns with the heading of the
+    /// reference.
     ///
     /// # Errors
     /// [`SolveError`] from the solver. Never infeasible, because zero force satisfies all constraints.

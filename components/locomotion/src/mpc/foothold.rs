@@ -4,7 +4,7 @@ use nalgebra::{Rotation3, Vector3};
 
 use super::GroundPlane;
 
-/// Motion of the body at the touchdown of a foot.
+/// Inputs for planning a foothold: the motion of the body at the touchdown of the foot, and the ground.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FootPlan {
     /// Centre of mass at touchdown \[m\].
@@ -25,9 +25,10 @@ pub struct FootPlan {
     pub ground: GroundPlane,
 }
 
-/// Returns the foothold of a swing in world axes \[m\]. The foot lands below its rest position as predicted
-/// for the middle of the following stance; `rest` is that position relative to the centre of mass, in heading
-/// axes \[m\]. A capture-point correction of the velocity error is added, at most `most` \[m\] long.
+/// Returns the foothold of a swing in world axes \[m\]. `rest` is the rest position of the foot relative to
+/// the centre of mass, in heading axes \[m\]. The foot lands below the rest position predicted for the middle
+/// of the following stance. A capture-point correction shifts the foothold to reduce the velocity error;
+/// `most` \[m\] is the maximum length of this shift.
 ///
 /// ```text
 /// p = c + R(heading) rest + T / 2 v* + cut(sqrt(height / g) (v - v*), most)       x and y;   z: the ground's

@@ -125,8 +125,8 @@ impl Stepping {
         swings.then(|| (began, began + self.gait.swing_time()))
     }
 
-    /// Returns the start of the next swing of a foot that is in stance at `time` \[s\]; infinite if no swing
-    /// follows.
+    /// Returns the time at which `foot` lifts off for its next swing \[s\]; infinite if no swing follows. The
+    /// foot must be in stance at `time` \[s\].
     pub fn lifts(&self, foot: usize, time: f64) -> f64 {
         let Some(start) = self.began else { return f64::INFINITY };
         let gait = &self.gait;

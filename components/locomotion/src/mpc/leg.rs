@@ -30,7 +30,8 @@ with_defaults! {
     /// Speed at which a foot without contact at the end of its swing is lowered to find the ground \[m/s\].
     /// Default 0.3.
     pub search_speed: f64 = 0.3;
-    /// Maximum duration of this search \[s\], after which the foot counts as standing. Default 0.08.
+    /// Maximum duration of the search for the ground \[s\], after which the foot counts as standing. Default
+    /// 0.08.
     pub search_for: f64 = 0.08;
 }
 

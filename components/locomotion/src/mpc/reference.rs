@@ -93,8 +93,8 @@ impl Reference {
         (self.place, self.heading) = (measured + lead, heading - beyond);
     }
 
-    /// Returns the position \[m\], velocity \[m/s\] and heading \[rad\] of the reference `time` seconds
-    /// later, along a circular arc at the current velocity.
+    /// Returns the position \[m\], velocity \[m/s\] and heading \[rad\] that the reference will have in
+    /// `time` seconds, moving along a circular arc at the current velocity.
     pub fn after(&self, time: f64) -> (Vector3<f64>, Vector3<f64>, f64) {
         let PlanarVelocity { linear, yaw_rate } = self.velocity;
         let turn = yaw_rate * time;
@@ -121,15 +121,15 @@ impl Reference {
         self.heading
     }
 
-    /// Returns the orientation `time` seconds later of a base parallel to the ground. Seen from above, its x
-    /// axis points along the heading.
+    /// Returns the orientation that a base parallel to the ground will have in `time` seconds. Seen from
+    /// above, the x axis of the base points along the heading.
     pub fn orientation(&self, time: f64) -> Rotation3<f64> {
         let (ahead, normal) = (self.ahead(time).normalize(), self.ground.normal());
         Rotation3::from_basis_unchecked(&[ahead, normal.cross(&ahead), normal])
     }
 
-    /// Returns the angular velocity `time` seconds later of a base parallel to the ground \[rad/s\]. Its axis
-    /// is the ground normal; its magnitude makes the heading change at the yaw rate.
+    /// Returns the angular velocity \[rad/s\] that a base parallel to the ground will have in `time` seconds.
+    /// The base turns about the ground normal, at the speed that changes the heading at the yaw rate.
     pub fn angular_velocity(&self, time: f64) -> Vector3<f64> {
         // seen from above, a rotation by `t` about the normal changes the heading by `t normal_z |ahead|^2`
         let normal = self.ground.normal();

@@ -30,7 +30,7 @@ pub enum MixerError {
     Dependent,
 }
 
-/// Distribution of thrust and torque among rotors, with the minimum sum of squared thrusts.
+/// Distributes thrust and torque among rotors, with the minimum sum of squared thrusts.
 #[derive(Clone, Debug)]
 pub struct Mixer {
     /// 4 x rotors: thrust along z and torque about x, y and z per unit thrust of each rotor.

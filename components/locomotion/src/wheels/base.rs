@@ -168,7 +168,7 @@ impl WheelBase {
     }
 
     /// Projects `twist` onto the velocities that the wheels allow without slip. A base that cannot move
-    /// sideways has no lateral velocity at the axle. Curvature limits of a steered base are in
+    /// sideways has no lateral velocity at the axle. The curvature limits of a steered base are ignored; see
     /// [`curvatures`](Self::curvatures).
     #[must_use]
     pub fn feasible(&self, twist: &PlanarTwist) -> PlanarTwist {
@@ -225,8 +225,8 @@ impl WheelBase {
         [one.min(other), one.max(other)]
     }
 
-    /// Returns the displacement of the base in its own axes after the wheels turned by the angles `turned`
-    /// \[rad\], at constant velocity.
+    /// Returns the displacement of the base, in base axes, while the wheels turn at constant speed by the
+    /// angles `turned` \[rad\].
     pub fn way(&self, turned: &[f64]) -> PlanarTwist {
         let way: Vector3<f64> = self.ways.iter().zip(turned).map(|(way, angle)| way * *angle).sum();
         PlanarTwist { x: way.x, y: way.y, yaw: way.z }

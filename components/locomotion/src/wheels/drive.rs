@@ -2,7 +2,8 @@
 
 use super::{BaseKind, PlanarTwist, WheelBase, WheelLimits};
 
-/// Wheel speeds and steering angles that follow a velocity of the base within the wheels' limits.
+/// Computes wheel speeds and steering angles that move a base at a desired velocity, within the limits of the
+/// wheels.
 ///
 /// A velocity beyond the limits is scaled down, which preserves the arc. The wheels of a steered base turn
 /// towards the desired curvature at the rate of the slowest wheel; at rest they keep their angles. If the

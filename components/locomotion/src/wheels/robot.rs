@@ -81,7 +81,8 @@ impl RobotWheelsError {
     }
 }
 
-/// Joint setpoints that move the base of a robot at a given velocity: the control law of `control.wheels`.
+/// Computes the joint setpoints that move the wheeled base of a robot at a given velocity: the control law of
+/// `control.wheels`.
 ///
 /// Wheels follow [`WheelDrive`] with setpoints of angle and speed. Other joints hold their initial positions.
 /// Only [`new`](Self::new) and [`clone`](Clone::clone) allocate.

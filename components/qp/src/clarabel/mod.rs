@@ -109,13 +109,15 @@ pub struct ClarabelSolver {
 }
 
 impl ClarabelSolver {
-    /// Builds the solver for `structure`, allocates all memory and factors the sparsity pattern.
+    /// Builds the solver for `structure` without friction cones, allocates all memory and factors the
+    /// sparsity pattern.
     pub fn new(structure: Structure, settings: ClarabelSettings) -> Self {
         Self::with_cones(structure, Vec::new(), settings)
     }
 
-    /// Like [`new`](Self::new), with friction cones. Each cone is disabled until
-    /// [`set_friction`](Self::set_friction) gives it a coefficient.
+    /// Builds the solver for `structure` with the friction cones `cones`, allocates all memory and factors
+    /// the sparsity pattern. Each cone is disabled until [`set_friction`](Self::set_friction) sets its
+    /// coefficient.
     ///
     /// # Panics
     /// If a variable index is out of range or used by two cones.

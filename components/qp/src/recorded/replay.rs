@@ -103,8 +103,9 @@ pub fn replay(
     account.finish()
 }
 
-/// Like [`replay`], for streams of different sizes, each with a separate solver. In each round, the first
-/// problem of a stream is solved cold.
+/// Solves several streams in order, `rounds` times, and summarises them together, as [`replay`] does for one
+/// stream. `build` creates a separate solver for each stream. With several streams, the first problem of each
+/// stream is solved cold in every round.
 pub fn replay_streams(
     streams: &[Stream],
     build: impl Fn(&Structure) -> Box<dyn QpSolver>,

@@ -76,7 +76,8 @@ pub enum LogError {
         /// The reason.
         reason: String,
     },
-    /// Not exactly one channel has a field with the numbers of a movement.
+    /// The channel of a movement cannot be selected, because no channel or more than one has numbers in the
+    /// field.
     #[error("{}", choice(.field, .found, .known))]
     Choice {
         /// Name of the field.

@@ -6,13 +6,13 @@ use std::sync::Arc;
 /// A number of a message.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Number {
-    /// Unsigned, or a boolean (0 or 1).
+    /// Unsigned integer, or a boolean as 0 or 1.
     Natural(u64),
-    /// Signed.
+    /// Signed integer.
     Integer(i64),
-    /// Single precision.
+    /// Number in single precision.
     Single(f32),
-    /// Double precision.
+    /// Number in double precision.
     Double(f64),
 }
 

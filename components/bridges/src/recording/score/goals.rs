@@ -68,8 +68,8 @@ pub struct PoseScore {
 }
 
 impl PoseScore {
-    /// Formats a position error \[m\] and an orientation error \[rad\] in mm and mrad. An error that the
-    /// reader does not control is omitted.
+    /// Formats a position error \[m\] and an orientation error \[rad\] in mm and mrad. The error of a
+    /// position or an orientation that the reader does not control is omitted.
     pub fn errors(&self, position: f64, orientation: f64) -> String {
         let both = [
             (self.position_is_free, format!("{:.3} mm", 1e3 * position)),

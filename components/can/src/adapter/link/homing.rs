@@ -7,7 +7,8 @@ use crate::protocols::dialogue::{Dialogue as _, Order};
 use motorium_drive::JointSetpoint;
 
 impl Link {
-    /// Returns `true` if the drive's reading is the joint's position: it needs no homing, or has been homed.
+    /// Returns `true` if the joint is homed or needs no homing, so that the drive's reading is the joint's
+    /// position.
     pub fn is_homed(&self) -> bool {
         self.homing.as_ref().is_none_or(|homing| homing.state == HomingState::Homed)
     }

@@ -66,8 +66,8 @@ pub struct SocketCounts {
     pub queue_full: u64,
     /// Number of times that the interface went down or disappeared.
     pub down: u64,
-    /// Number of received frames lost to full buffers in the socket or, according to its reports, in the
-    /// controller.
+    /// Number of received frames lost because the socket's buffer was full, plus the number of overflows that
+    /// the controller has reported.
     pub overflows: u64,
     /// Number of remote requests and invalid frames.
     pub other: u64,

@@ -1,10 +1,11 @@
 //! Conversion of timestamps from a controller's clock to the computer's clock.
 
-/// Offset between two clocks, estimated from frames with both timestamps.
+/// Converter from a controller's clock to the computer's clock. The offset between the clocks is estimated
+/// from frames with both timestamps.
 ///
 /// The kernel timestamps a frame later than the controller, by the transfer time of the frame. The smallest
-/// observed offset is therefore the most accurate. The estimate grows from it at the maximum drift of the
-/// clocks, so it tracks them.
+/// observed offset is therefore the most accurate. From the smallest offset, the estimate grows at the
+/// clocks' maximum drift, to follow clocks that drift apart.
 ///
 /// ```
 /// use motorium_can::bus::socket::HardwareClock;

@@ -100,9 +100,9 @@ pub struct CanAdapterConfig {
     /// `homing` are refused, since homing needs torque. Default false.
     #[serde(default)]
     pub observe: bool,
-    /// Distance beyond the limits of a joint (rad or m) at which its drive is still enabled. A reading
-    /// farther out refuses all drives: a drive that is off by a turn would be driven into its stop.
-    /// Non-negative. Default 0.05 for a revolute joint, 0.005 for a prismatic one.
+    /// Distance beyond the limits of a joint (rad or m) at which its drive is still enabled. If any reading
+    /// is farther out, no drive is enabled: a drive whose reading is off by a turn would drive its joint into
+    /// the stop. Non-negative. Default 0.05 for a revolute joint, 0.005 for a prismatic one.
     pub enable_margin: Option<f64>,
     /// True: drives stay enabled at the end of a run until their watchdogs disable them. By default they are
     /// disabled after `settle`, as the last step of an orderly end, and a joint without a holding brake then
@@ -112,9 +112,9 @@ pub struct CanAdapterConfig {
     /// Longest wait of a step for the answers of drives on real buses. Default half a period. With
     /// `command_within`, answers have until the next step, and a step waits for them only on serial lines.
     pub answer_within: Option<TimeSpan>,
-    /// Longest wait of a step for the command computed from the state it has just published, so that its
-    /// frames are sent immediately. In lockstep no step waits. Default none: the command is sent in the next
-    /// cycle.
+    /// Longest wait of a step for the command computed from the state that the step has just published. The
+    /// frames of the command are then sent immediately. In lockstep no step waits. Default none: the command
+    /// is sent in the next cycle.
     pub command_within: Option<TimeSpan>,
     /// Gravitational acceleration in the world (m/s2), used by the safe states to hold the robot. Default:
     /// the graph's `[world]`, or 9.81 downwards.

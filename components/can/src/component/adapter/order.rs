@@ -28,8 +28,9 @@ pub(super) struct StepOrder {
 }
 
 impl CanAdapterConfig {
-    /// Returns the time available to answers on real buses in a cycle of this length, from sending the batch
-    /// until they are read; `None` if all buses are simulated over topics.
+    /// Returns the time that answers on real buses have in a cycle of length `cycle`: from the moment the
+    /// batch of commands is sent until the adapter reads the answers. `None` if all buses are simulated over
+    /// topics.
     pub fn answers_have(&self, table: &Table, cycle: Duration) -> Option<Duration> {
         let order = StepOrder::from_config(self, table, table.is_real(), Some(cycle)).ok()?;
         table.is_real().then(|| order.answers_have(cycle))

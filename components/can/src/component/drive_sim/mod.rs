@@ -37,8 +37,8 @@ use sockets::Sockets;
 /// Component that simulates a robot's buses and drives.
 ///
 /// Each step advances the buses to the current time and lets each drive receive frames and answer. It then
-/// runs the inner loops on the joint state that physics has just published, and publishes the efforts. If a
-/// bus has an interface of the computer, its drives receive and answer frames on this interface.
+/// runs the inner loops on the joint state that physics has just published, and publishes the efforts. On a
+/// bus with an interface of the computer, the drives receive and answer frames on that interface.
 pub struct DriveSimulation {
     joint_state: Input<JointState>,
     lines: Lines,

@@ -108,7 +108,8 @@ impl HomingEntry {
         self.energy.unwrap_or(ENERGY)
     }
 
-    /// Returns the final joint position of a homing at a stop, rad or m; `None` for another homing.
+    /// Returns the joint position at the end of a homing by "stop", after backing off, rad or m. `None` for a
+    /// homing by "drive".
     pub fn end(&self) -> Option<f64> {
         Some(self.position? - self.velocity?.signum() * self.back_off())
     }

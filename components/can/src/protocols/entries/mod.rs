@@ -139,8 +139,8 @@ pub enum ControlMode {
     /// Positions, which the drive follows with its own loop.
     #[default]
     Position,
-    /// Velocities, which the drive follows with its own loop. Once a cycle, the adapter closes the position
-    /// loop around it, with the ratio of the gains of `position_loop`.
+    /// Velocities, which the drive follows with its own loop. Once a cycle, the adapter closes a position
+    /// loop around the drive's velocity loop, with the ratio of the gains of `position_loop`.
     Velocity,
     /// Torques: once a cycle, the adapter applies the gains of the command to the newest state.
     Torque,

@@ -168,7 +168,8 @@ impl Drive {
         Ok(Instruction::Command(self.fields.command(u64::from_be_bytes(*data))))
     }
 
-    /// Drive side: returns the frame of an answer. Values without a field in its format are omitted.
+    /// Drive side: returns the frame of an answer. Values that have no field in the `reply` format of the
+    /// drive are omitted.
     pub fn answer(&self, feedback: &Feedback) -> Frame {
         let motion = self.fields.pack_motion(feedback.position, feedback.velocity, feedback.torque);
         let [_, _, _, p1, p0, v1, v_t, t0] = motion.to_be_bytes();

@@ -119,7 +119,8 @@ impl Request {
         Ok((Self { node, register: Register::OverCurrent }, number))
     }
 
-    /// Drive side: returns the answer to a write request, which repeats it.
+    /// Drive side: returns the drive's answer to a write request, with the identifier `master`. The answer
+    /// echoes the data of the request.
     pub fn changed(&self, master: Id, number: f64) -> Frame {
         Frame::classic(master, self.change(number).data())
     }
@@ -140,7 +141,7 @@ impl Request {
         Ok(Self { node, register: Register::from_code(register)? })
     }
 
-    /// Drive side: returns the answer with the identifier `master`.
+    /// Drive side: returns the drive's answer to a read request: `value`, with the identifier `master`.
     pub fn answer(&self, master: Id, value: Value) -> Frame {
         let bytes = match value {
             Value::Watchdog(time) => {
@@ -154,8 +155,8 @@ impl Request {
         Frame::classic(master, &[self.node, 0, READ, self.register as u8, a, b, c, d])
     }
 
-    /// Returns `true` if the frame answers a read or write request to this drive, as opposed to its usual
-    /// answer.
+    /// Returns `true` if the frame is this drive's answer to a read or write request for a register, rather
+    /// than an answer to a command.
     pub fn is_answer(&self, frame: &Frame, master: Id) -> bool {
         let asks = |data: &[u8]| data[0] == self.node && data[1] == 0 && matches!(data[2], READ | WRITE);
         frame.id == master && frame.data().len() == 8 && asks(frame.data())

@@ -94,7 +94,7 @@ pub enum InputMode {
 /// Message to a drive.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Instruction {
-    /// Disables the drive immediately, which then reports an error.
+    /// Disables the drive immediately. The drive then reports an error.
     EmergencyStop,
     /// Requests a state.
     SetState(AxisState),

@@ -182,8 +182,9 @@ impl Node {
         Id::standard(id).unwrap_or(Id::Extended(id.into()))
     }
 
-    /// Returns the frame of a message, encoded in `resolution`. The frame also queries the state in this
-    /// resolution, except for temperatures, position reference, voltage and fault in 8 bits.
+    /// Returns the frame of a message, encoded in `resolution`. The frame also queries the state: position,
+    /// velocity and torque in `resolution`; mode, temperatures, position reference, voltage and fault in 8
+    /// bits.
     pub fn frame(self, instruction: &Instruction, resolution: Resolution) -> Frame {
         let mut out = Writer::default();
         let mode = match instruction {
