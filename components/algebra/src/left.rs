@@ -19,8 +19,8 @@ pub enum Wanted {
 /// Left singular vectors and singular values of a matrix.
 #[derive(Clone, Debug)]
 pub struct LeftSingular {
-    /// Orthonormal left singular vectors, one per column. There may be fewer than requested if the others are
-    /// within rounding.
+    /// Orthonormal left singular vectors, one per column. There are fewer than requested if the remaining
+    /// singular values are within rounding.
     pub vectors: DMatrix<f64>,
     /// Singular values of these vectors, in descending order.
     pub values: Vec<f64>,

@@ -65,7 +65,8 @@ impl CrossValidation {
         Self { eigenforces, splits: 0, errors: Vec::new(), explained: Vec::new(), rates: Vec::new() }
     }
 
-    /// Returns the number of calls of `progress` in each [`add`](Self::add).
+    /// Returns the number of progress steps of a split: how often [`add`](Self::add) calls its argument
+    /// `progress`.
     pub fn progress_of_split(&self) -> usize {
         self.eigenforces.len() + 2
     }
@@ -130,7 +131,7 @@ impl CrossValidation {
     }
 
     /// Returns the mean error of position over the splits and its standard deviation, for one basis with `n`
-    /// weights; `None` if they are unknown.
+    /// weights; `None` if this combination was not evaluated.
     pub fn position_error(&self, basis: &str, n: usize) -> Option<(f64, f64)> {
         let row = self.errors.iter().find(|row| row.basis == basis && row.n == n)?;
         Some(mean_and_deviation(&row.position))

@@ -61,7 +61,7 @@ pub enum SafetensorsError {
         to: usize,
         /// Length of the file's data section in bytes.
         size: usize,
-        /// Number of bytes required by its shape.
+        /// Number of bytes required by the tensor's shape.
         expected: usize,
     },
     /// A tensor to be written has the wrong number of values.
@@ -69,9 +69,9 @@ pub enum SafetensorsError {
     Shape {
         /// Name of the tensor.
         name: String,
-        /// Numbers found.
+        /// Number of values found.
         found: usize,
-        /// Number of values required by its shape.
+        /// Number of values required by the tensor's shape.
         expected: usize,
     },
 }

@@ -44,7 +44,8 @@ pub struct NStep {
     /// Factor of the value after the last step: the discount to the power of the number of steps, or 0 if the
     /// episode terminated.
     pub discount: f32,
-    /// Sample index of the last step, after whose next observation the value applies.
+    /// Sample index of the last step. The factor `discount` applies to the value of the observation after
+    /// this step.
     pub last: usize,
 }
 

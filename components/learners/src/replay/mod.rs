@@ -43,7 +43,7 @@ pub struct Batch {
     pub rewards: Vec<f32>,
     /// Factors of the value of the next observation, one per sample.
     pub discounts: Vec<f32>,
-    /// Normalised observations after the last of these steps.
+    /// Normalised observations after the last step of each discounted sum.
     pub next: DMatrix<f32>,
 }
 

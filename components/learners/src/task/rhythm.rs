@@ -90,7 +90,8 @@ impl Rhythm {
         self.network.step(dt);
     }
 
-    /// Returns, for each oscillation, the index of its joint in the action and its target.
+    /// Returns the target of each oscillating joint, as pairs of the joint's index in the action and the
+    /// target.
     pub fn targets(&self) -> impl Iterator<Item = (usize, f64)> {
         self.nodes.iter().map(|(joint, _)| *joint).zip(self.network.output().iter().copied())
     }

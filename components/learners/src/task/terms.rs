@@ -284,7 +284,8 @@ impl Terms {
         &self.targets
     }
 
-    /// Returns the quantity that the action commands, and the stiffness and damping of each of its joints.
+    /// Returns the quantity that the action commands, and the stiffness and damping of the drive of each
+    /// joint of the action.
     pub fn drives(&self) -> (ActionKind, &[[f64; 2]]) {
         (self.policy.action.kind, &self.gains)
     }

@@ -40,7 +40,8 @@ pub struct Settings {
     pub back: Option<(String, BackForm)>,
     /// Prior on the latent points. Default: [`Prior::Normal`].
     pub prior: Prior,
-    /// Maximum number of iterations, per space and start if the latent point is a pose. Default: 300.
+    /// Maximum number of iterations. If the latent point is a pose, the maximum applies to each start of each
+    /// space. Default: 300.
     pub iterations: usize,
 }
 

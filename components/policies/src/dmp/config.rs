@@ -50,7 +50,7 @@ pub struct DmpPolicyConfig {
     /// Points that the movement avoids. Default: none.
     #[serde(default)]
     pub obstacles: Option<ObstaclesConfig>,
-    /// Compliance, like a mass, with the force of the input `wrench`. Default: not used.
+    /// Compliance with the force of the input `wrench`: the movement yields like a mass. Default: not used.
     #[serde(default)]
     pub yielding: Option<YieldingConfig>,
 }
@@ -197,13 +197,14 @@ pub struct ObstaclesConfig {
     pub reach: f64,
 }
 
-/// Compliance with a force, like a mass.
+/// Compliance with a force: the movement yields like a mass.
 #[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct YieldingConfig {
     /// Apparent mass, kg.
     pub inertia: f64,
-    /// Force along each axis up to which a force is ignored, such as the noise of the sensor, N. Default 0.
+    /// Magnitude along each axis up to which a force is ignored, for example to reject sensor noise, N.
+    /// Default 0.
     #[serde(default)]
     pub deadband: f64,
 }

@@ -1,6 +1,7 @@
 //! Entrainment of a phase by a measured one.
 
-/// Pulls an oscillator towards a measured phase: `pull = gain sin(phi_measured + lead - phi)` (Adler 1946).
+/// A law that pulls an oscillator towards a measured phase: `pull = gain sin(phi_measured + lead - phi)`
+/// (Adler 1946).
 ///
 /// The oscillator locks when the two angular velocities differ by less than `gain`. The remaining phase
 /// difference is `asin((omega_measured - omega) / gain)`.

@@ -79,8 +79,8 @@ pub struct OscillatorNetwork {
 }
 
 impl OscillatorNetwork {
-    /// Creates a network of this oscillator model, with these joints and the phase of every leg in the gait,
-    /// rad. The oscillators start in the gait.
+    /// Creates a network of oscillators of this model for the joints in `oscillations`. `gait` contains the
+    /// phase of every leg in the gait, rad. The oscillators start in the gait.
     ///
     /// # Errors
     /// [`CpgError`] if a leg does not exist, a number is out of range, or the neurons do not oscillate.
@@ -298,8 +298,8 @@ impl OscillatorNetwork {
         &self.phases
     }
 
-    /// Returns the largest deviation of an oscillator's phase, relative to the first oscillator, from the
-    /// gait, rad.
+    /// Returns the largest deviation of an oscillator from the gait, rad. Phases are relative to the phase of
+    /// the first oscillator.
     pub fn gait_error(&self) -> f64 {
         self.commands.pattern_error(&self.phases)
     }

@@ -19,8 +19,8 @@ pub enum Regression {
         /// Penalty, at least 0.
         lambda: f64,
     },
-    /// Separate fit of each kernel: `w_i = sum psi_i g f / sum psi_i g^2`, with the gate `g` (Ijspeert et al.
-    /// 2013).
+    /// Separate fit of each kernel: `w_i = sum psi_i g f / sum psi_i g^2`, with the gate `g` and the forcing
+    /// term `f` (Ijspeert et al. 2013).
     LocallyWeighted,
     /// Least squares on the *position* through the response of the spring to every kernel, with the penalty
     /// `lambda |w|^2`. This method uses no derivatives inside the movement and therefore suits noisy

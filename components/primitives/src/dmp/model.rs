@@ -96,7 +96,8 @@ impl DmpModel {
         &self.weights
     }
 
-    /// Returns the weights (kernels x dimensions) for writing, for learners. Their number is fixed.
+    /// Returns the weights (kernels x dimensions), so that learners can change them. The number of weights is
+    /// fixed.
     pub fn weights_mut(&mut self) -> nalgebra::DMatrixViewMut<'_, f64> {
         self.weights.as_view_mut()
     }

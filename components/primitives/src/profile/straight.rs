@@ -107,8 +107,9 @@ impl StraightMove {
         });
     }
 
-    /// Replaces the motion after `time` \[s\] by the fastest stop on its line, which ends before the motion
-    /// would have ended. Times of the stop count from `time`.
+    /// From `time` \[s\] on, replaces the motion by the fastest stop along the same line. The stop ends
+    /// before the motion would have ended. Afterwards, [`duration`](Self::duration) and
+    /// [`sample`](Self::sample) count from `time`.
     pub fn brake(&mut self, time: f64) {
         let jet = self.along.sample(time);
         let limits = self.limits_on(self.way.iter().copied());

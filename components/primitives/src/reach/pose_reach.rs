@@ -281,7 +281,7 @@ impl PoseReach {
         self.goal
     }
 
-    /// Returns the number of goals started so far.
+    /// Returns the number of goals set so far: one for each start of a segment and each redirection.
     pub fn goals_set(&self) -> u64 {
         self.goals_set
     }

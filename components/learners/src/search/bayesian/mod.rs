@@ -188,7 +188,7 @@ impl BayesianOptimisation {
     ///
     /// # Errors
     ///
-    /// [`StartError`] if the number of flags is wrong, or the bounds of such a parameter contain no whole
+    /// [`StartError`] if the number of flags is wrong, or the bounds of a flagged parameter contain no whole
     /// number.
     pub fn with_whole_numbers(mut self, whole: Vec<bool>) -> Result<Self, StartError> {
         let expected = self.bounds.len();

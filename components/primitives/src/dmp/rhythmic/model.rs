@@ -166,8 +166,9 @@ impl RhythmicModel {
         Ok(model)
     }
 
-    /// Like [`fit`](Self::fit), but fits each kernel separately: `w_i = sum psi_i f / sum psi_i` over the
-    /// samples (Ijspeert et al. 2013). Less accurate for the same number of kernels.
+    /// Fits each kernel separately: `w_i = sum psi_i f / sum psi_i` over the samples, with the forcing term
+    /// `f` (Ijspeert et al. 2013). For the same number of kernels, this is less accurate than
+    /// [`fit`](Self::fit).
     ///
     /// # Errors
     /// Same as [`fit`](Self::fit).
