@@ -145,8 +145,9 @@ impl CrossValidation {
         (0..first).map(mean).collect()
     }
 
-    /// Returns the recognition rates, 0 to 1, in the metrics of force and position with the `k`-th number of
-    /// weights, as means over the splits; `None` without labels.
+    /// Returns the recognition rates, 0 to 1, with eigenforces in the metric of force and in the metric of
+    /// position, for the number of weights with the index `k`. The rates are means over the splits. `None` if
+    /// `k` is out of range or no recording has a label.
     pub fn recognition(&self, k: usize) -> Option<[f64; 2]> {
         if self.rates.is_empty() || k >= self.eigenforces.len() {
             return None;

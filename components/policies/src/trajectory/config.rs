@@ -70,8 +70,8 @@ pub struct HomeConfig {
     pub profile: Shape,
     /// Limits of the motion.
     pub limits: MotionLimitsConfig,
-    /// The pose counts as reached if no measured joint is farther than this from its position in the pose,
-    /// rad or m. Default 0.01.
+    /// The pose counts as reached if no measured joint is farther than this from the joint's position in the
+    /// pose, rad or m. Default 0.01.
     pub tolerance: f64,
     /// Gravity in the world frame, m/s^2. Default: gravity of the graph's world, or 9.81 downwards.
     pub gravity: [f64; 3],

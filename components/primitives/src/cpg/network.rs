@@ -119,9 +119,10 @@ impl PhaseNetwork {
         Ok(network)
     }
 
-    /// Creates a network with one node per leg. Every leg acts on every other leg with `weight / (A (n -
-    /// 1))`, where `A` is the acting leg's amplitude and `n` the number of legs. A deviation from the gait
-    /// then decays at about `weight` (1/s), independently of the number of legs and their amplitude.
+    /// Creates a network with one node per leg. Every leg acts on every other leg with
+    /// `weight / (A (n - 1))`, with the amplitude `A` of the acting leg and the number of legs `n`. A
+    /// deviation from the gait then decays at about `weight` (1/s), independently of the number of legs and
+    /// their amplitude.
     ///
     /// # Errors
     /// [`CpgError`] if the gait is not defined for this number of legs, or a number is out of range.
