@@ -56,7 +56,7 @@ pub enum EvaluationError {
     Task {
         /// Path of the task file.
         file: PathBuf,
-        /// Reason why it is invalid.
+        /// Reason why the task is invalid.
         source: TaskError,
     },
     /// The policy does not fit the task.

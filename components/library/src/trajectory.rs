@@ -51,7 +51,7 @@ impl Trajectory {
     }
 
     /// Returns the recording resampled to `samples` evenly spaced points of the natural cubic spline through
-    /// its samples. Forces are second differences: piecewise linear paths cause a spike at every sample,
+    /// its samples. Forces are second differences: piecewise linear paths cause a spike at every sample, but
     /// splines do not. A recording that already has `samples` samples stays unchanged.
     #[must_use]
     pub fn splined(&self, samples: usize) -> Self {

@@ -148,7 +148,8 @@ pub fn read<T: Real>(bytes: &[u8]) -> Result<Tensors<T>, SafetensorsError> {
     Ok(Tensors { tensors, metadata: metadata.unwrap_or_default() })
 }
 
-/// Returns the bytes of a file with these tensors as `F32`, in the order of their names.
+/// Returns the bytes of a safetensors file. The tensors are stored as `F32`, in the order of the tensors'
+/// names.
 ///
 /// # Errors
 ///

@@ -150,8 +150,8 @@ pub struct Study {
 }
 
 impl Study {
-    /// Runs a study of the ball-in-cup task on several threads. The path of its robot is relative to `base`.
-    /// `observe` is called after each trial. The result does not depend on the number of threads.
+    /// Runs a study of the ball-in-cup task on several threads. The path of the task's robot is relative to
+    /// `base`. `observe` is called after each trial. The result does not depend on the number of threads.
     ///
     /// # Errors
     ///

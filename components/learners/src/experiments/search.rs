@@ -186,8 +186,8 @@ impl Search {
         best.unwrap_or_default()
     }
 
-    /// Returns, for each entry of [`REPORTED`], the number of rollouts, the mean of the best reward and its
-    /// standard error.
+    /// Returns, for each entry of [`REPORTED`], the number of rollouts, the mean of the best rewards so far,
+    /// and the standard error of this mean.
     pub fn curve(&self) -> Vec<[f64; 3]> {
         let point = |(k, rollouts): (usize, &usize)| {
             let rewards: Vec<f64> = self.rewards.iter().map(|run| run[k]).collect();
@@ -197,7 +197,8 @@ impl Search {
         REPORTED.iter().enumerate().map(point).collect()
     }
 
-    /// Returns the mean of the final best reward and its standard error.
+    /// Returns the mean reward of the best candidates at the end of the searches, and the standard error of
+    /// this mean.
     pub fn reward(&self) -> (f64, f64) {
         let last: Vec<f64> = self.rewards.iter().map(|run| run[REPORTED.len() - 1]).collect();
         mean_and_error(&last)

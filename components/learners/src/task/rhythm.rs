@@ -7,7 +7,7 @@ use motorium_primitives::cpg::{Gait, NetworkSettings, Node, PhaseNetwork};
 use super::TaskError;
 
 /// The phase-amplitude network of a [`Pattern`], as in `policy.cpg`. Environments and `policy.joint_targets`
-/// share it. Only [`new`](Self::new) and [`clone`](Clone::clone) allocate.
+/// share this type. Only [`new`](Self::new) and [`clone`](Clone::clone) allocate.
 #[derive(Clone, Debug)]
 pub struct Rhythm {
     network: PhaseNetwork,

@@ -30,7 +30,7 @@ pub fn digest_joints<'a>(action: &'a Action, robot: &'a Loaded) -> Vec<&'a str> 
 }
 
 /// Returns the difference between the robot for which a policy was trained and another robot. Returns `None`
-/// if they are equal, or the policy has no digest. A missing joint counts as a difference of joints.
+/// if the robots are equal, or the policy has no digest. A missing joint counts as a difference of joints.
 pub fn robot_difference(policy: &Policy, robot: &Loaded) -> Option<RobotDifference> {
     let trained = policy.robot_digest?;
     match robot_digest(robot, &digest_joints(&policy.action, robot)) {

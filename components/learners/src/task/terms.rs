@@ -228,8 +228,8 @@ impl Terms {
         self.policy.action.twist
     }
 
-    /// Returns, for each element of an action, `true` if it has an effect: the scale of its joint is not 0,
-    /// or it commands the pattern or the base.
+    /// Returns, for each element of an action, `true` if the element has an effect: the scale of the
+    /// element's joint is not 0, or the element commands the pattern or the base.
     pub fn active_actions(&self) -> Vec<bool> {
         let joints = self.targets.targets();
         (0..self.actions()).map(|index| joints.get(index).is_none_or(|joint| joint.scale != 0.0)).collect()

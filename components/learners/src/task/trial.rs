@@ -36,7 +36,7 @@ pub struct Step {
 }
 
 /// One attempt at a task, independent of the simulated world. Environments and the component `learner.task`
-/// share it. Only [`new`](Self::new) and [`with_noise`](Self::with_noise) allocate.
+/// share this type. Only [`new`](Self::new) and [`with_noise`](Self::with_noise) allocate.
 ///
 /// Call [`begin`](Self::begin) with the first state, then [`act`](Self::act) and [`judge`](Self::judge) for
 /// each policy step.

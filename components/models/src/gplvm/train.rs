@@ -16,7 +16,7 @@ use crate::optimise::{Minimum, Options, minimise};
 pub enum Prior {
     /// Flat prior.
     None,
-    /// Standard normal prior. It is constant if the latent point is a pose.
+    /// Standard normal prior. If the latent point is a pose, the prior is constant.
     #[default]
     Normal,
     /// Dynamic prior: a Gaussian process from each latent point to the next, with an RBF and a linear kernel

@@ -95,7 +95,7 @@ pub struct GoalConfig {
     #[serde(default)]
     pub gripper: Option<Gripper>,
     /// Duration of the movement, at least 1 ms, such as "2 s". Default: the duration of a demonstration; for
-    /// a gripper alone, the time that its fingers need for their whole range. Otherwise required.
+    /// a gripper alone, the time that the fingers need for their whole range. Otherwise required.
     #[serde(default)]
     pub duration: Option<TimeSpan>,
     /// Time to stay at the goal, such as "500 ms". Default 0.
@@ -135,8 +135,8 @@ pub struct WeightsConfig {
     /// Number of kernels for each dimension, 2 to 1000; the path is straight until weights arrive.
     /// Alternative to `file`. Default 30.
     pub kernels: Option<usize>,
-    /// Path of a primitive written by `motorium primitive fit`, relative to the graph file. It is used until
-    /// weights arrive.
+    /// Path of a primitive written by `motorium primitive fit`, relative to the graph file. This primitive is
+    /// used until weights arrive.
     #[schemars(extend("format" = "path"))]
     pub file: Option<String>,
 }

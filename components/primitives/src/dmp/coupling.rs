@@ -2,9 +2,9 @@
 
 /// Coupling terms of one step. [`Default`] means no coupling.
 ///
-/// The primitive then obeys `T^2 y'' = ... + T^2 C` and `T p' = phase_rate`. `C` pushes the motion off its
-/// path; a phase rate below 1 slows its clock. The effect of `C` decays with the spring once `C` returns to
-/// zero, and the clock resumes where it stopped.
+/// The primitive then obeys `T^2 y'' = ... + T^2 C` and `T p' = phase_rate`. `C` pushes the motion off the
+/// path; a phase rate below 1 slows the clock of the motion. The effect of `C` decays with the spring once
+/// `C` returns to zero, and the clock resumes where it stopped.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Coupling<'a> {
     /// Acceleration `C` in every dimension, unit of y per second squared; empty for none. Sources include

@@ -13,8 +13,8 @@ use super::settings::{ModelError, Scaling, Settings, Variant};
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Regression {
     /// Least squares on the forcing term with the penalty `lambda |w|^2`, over all kernels together. The
-    /// default, with `lambda = 1e-12`. For the same number of kernels it fits far more closely than locally
-    /// weighted regression.
+    /// default, with `lambda = 1e-12`. For the same number of kernels, ridge regression fits far more closely
+    /// than locally weighted regression.
     Ridge {
         /// Penalty, at least 0.
         lambda: f64,

@@ -30,7 +30,8 @@ pub struct OrientationDmp {
 }
 
 impl OrientationDmp {
-    /// Creates a primitive from a model of three dimensions. It rests at the identity until started.
+    /// Creates a primitive from a model of three dimensions. Until started, the primitive rests at the
+    /// identity.
     ///
     /// # Errors
     /// [`ModelError`] if the model does not have three dimensions.

@@ -88,8 +88,8 @@ impl StraightMove {
         }
     }
 
-    /// Plans the motion between two points. It lasts `duration` \[s\], or the shortest duration within the
-    /// limits if that is longer.
+    /// Plans the motion between two points. The motion lasts `duration` \[s\] or, if longer, the shortest
+    /// duration within the limits.
     pub fn plan(&mut self, from: &[f64], to: &[f64], shape: Shape, duration: Option<f64>) {
         self.from.copy_from_slice(from);
         self.way.iter_mut().zip(from.iter().zip(to)).for_each(|(way, (from, to))| *way = to - from);

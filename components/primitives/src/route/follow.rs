@@ -57,7 +57,8 @@ impl Route {
         self.current
     }
 
-    /// Returns `true` if the base has reached the last stop and its dwell time is over.
+    /// Returns `true` if the route is finished: the base has reached the last stop, and the dwell time is
+    /// over.
     pub fn is_finished(&self) -> bool {
         self.stage == Stage::Finished
     }

@@ -77,8 +77,8 @@ pub struct RouteSettings {
     pub turn_gain: f64,
     /// Distance within which a base that cannot move sideways returns to its line \[m\].
     pub length: f64,
-    /// Tolerances of position \[m\] and angle \[rad\]. A stage ends once its profile has ended and the base
-    /// is within both.
+    /// Tolerances of position \[m\] and angle \[rad\]. A stage of the route ends once its motion profile has
+    /// ended and the base is within both tolerances.
     pub arrival: [f64; 2],
     /// Maximum time that a stage waits for the tolerances after its profile has ended \[s\]. The route then
     /// continues in any case.

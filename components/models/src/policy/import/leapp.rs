@@ -58,7 +58,8 @@ pub struct Bundle {
     pub models: Vec<BundleModel>,
     /// Position of `pipeline` in the file.
     pub pipeline: Mark,
-    /// Outputs, as `model/output`, each with the inputs to which it is fed back for the next run.
+    /// Outputs that are fed back to inputs for the next run: the name of each output, as `model/output`, with
+    /// the names of the inputs.
     pub feedback: Vec<(String, Vec<String>)>,
     /// Path of the file with the initial values of the inputs in `feedback`.
     pub initial_values: Option<String>,
@@ -158,7 +159,7 @@ impl Bundle {
         Ok(model)
     }
 
-    /// Returns the joints commanded by the network, in the order of its action.
+    /// Returns the joints commanded by the network, in the order of the action.
     ///
     /// # Errors
     ///
