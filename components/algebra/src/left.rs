@@ -73,8 +73,8 @@ pub fn left_singular(matrix: &DMatrix<f64>, wanted: Wanted) -> LeftSingular {
     found
 }
 
-/// Returns the number of singular values that `wanted` selects. `values` contains them in descending order,
-/// and `energy` is the sum of the squares of all matrix entries.
+/// Returns the number of singular values that `wanted` selects. `values` contains all singular values in
+/// descending order, and `energy` is the sum of the squares of all matrix entries.
 pub fn count_wanted(values: &[f64], energy: f64, wanted: Wanted) -> usize {
     match wanted {
         Wanted::All => values.len(),

@@ -51,7 +51,7 @@ pub struct Override {
     pub amplitude: Option<f64>,
 }
 
-/// A point to which a probabilistic primitive is conditioned.
+/// A point on which a probabilistic primitive is conditioned.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ViaPoint {
     /// Phase, 0 at the start and 1 at the end.

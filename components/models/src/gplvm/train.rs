@@ -211,8 +211,8 @@ impl LatentModel {
     }
 
     /// Trains like [`train`](Self::train), and calls `report` with each evaluation of an objective. The
-    /// arguments are the name of the space if the spaces are fitted one after the other (otherwise `all
-    /// spaces`), and the value.
+    /// arguments of `report` are a name and the value of the objective. If the spaces are fitted one after
+    /// the other, the name is the name of the space, otherwise `all spaces`.
     ///
     /// # Errors
     /// Same as [`train`](Self::train).

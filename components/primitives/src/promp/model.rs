@@ -30,7 +30,7 @@ pub struct StoredProMp {
     pub dimensions: usize,
     /// Duration of a demonstration, s.
     pub duration: f64,
-    /// Noise of the demonstrations: variance of a sample about the movement.
+    /// Noise of the demonstrations: variance of recorded positions about the movement.
     pub noise: f64,
     /// Mean of the weights, ordered by dimension.
     pub mean: Vec<f64>,
@@ -108,8 +108,8 @@ impl ProMp {
         &self.covariance
     }
 
-    /// Returns the noise of the demonstrations: the variance, estimated by the fit, of a sample about the
-    /// movement that its demonstration follows.
+    /// Returns the noise of the demonstrations, as estimated by the fit: the variance of recorded positions
+    /// about the movement. It is 0 for a primitive from [`from_weights`](Self::from_weights).
     pub fn noise(&self) -> f64 {
         self.noise
     }
