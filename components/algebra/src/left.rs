@@ -19,8 +19,8 @@ pub enum Wanted {
 /// Left singular vectors and singular values of a matrix.
 #[derive(Clone, Debug)]
 pub struct LeftSingular {
-    /// Orthonormal left singular vectors, one per column. There may be fewer than requested if the others are
-    /// within rounding.
+    /// Orthonormal left singular vectors, one per column. There are fewer than requested if the remaining
+    /// singular values are within rounding.
     pub vectors: DMatrix<f64>,
     /// Singular values of these vectors, in descending order.
     pub values: Vec<f64>,
@@ -73,7 +73,8 @@ pub fn left_singular(matrix: &DMatrix<f64>, wanted: Wanted) -> LeftSingular {
     found
 }
 
-/// Returns the number of singular values that `wanted` selects.
+/// Returns the number of singular values that `wanted` selects. `values` contains all singular values in
+/// descending order, and `energy` is the sum of the squares of all matrix entries.
 pub fn count_wanted(values: &[f64], energy: f64, wanted: Wanted) -> usize {
     match wanted {
         Wanted::All => values.len(),

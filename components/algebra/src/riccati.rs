@@ -55,7 +55,7 @@ pub enum RiccatiError {
 pub struct Regulator {
     /// Gain `K`, inputs x states.
     pub gain: DMatrix<f64>,
-    /// Matrix `P` of the cost `x' P x`.
+    /// Matrix `P` of the cost `x' P x` that remains from the state `x`, before this step's input.
     pub cost: DMatrix<f64>,
 }
 
@@ -129,8 +129,8 @@ pub fn lqr(
     Ok(Regulator { gain, cost })
 }
 
-/// Returns the regulators of `steps` steps, in order, for the terminal cost `last`, by the backward Riccati
-/// recursion.
+/// Returns the optimal regulator of each of `steps` steps, the first step first, computed by the backward
+/// Riccati recursion. `last` is the matrix of the terminal cost.
 ///
 /// # Errors
 /// [`RiccatiError`] if a size differs, a number is not finite, or a matrix is not positive (semi-)definite.

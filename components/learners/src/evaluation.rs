@@ -25,7 +25,7 @@ pub struct Evaluation {
     pub mean: f64,
     /// Median return.
     pub median: f64,
-    /// Interquartile mean of the return: the mean of its middle half.
+    /// Interquartile mean of the return: the mean of the middle half of all returns.
     pub iqm: f64,
     /// 95 % bootstrap interval of the interquartile mean.
     pub iqm_interval: [f64; 2],
@@ -56,7 +56,7 @@ pub enum EvaluationError {
     Task {
         /// Path of the task file.
         file: PathBuf,
-        /// Reason why it is invalid.
+        /// Reason why the task is invalid.
         source: TaskError,
     },
     /// The policy does not fit the task.
@@ -119,16 +119,18 @@ pub fn evaluate(
 /// Comparison of a policy with a baseline on the same episodes.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Comparison {
-    /// Mean of the return minus the baseline's return in the same episode.
+    /// Mean difference, over all episodes, between the return of the policy and the return of the baseline.
     pub difference: f64,
     /// 95 % bootstrap interval of the difference.
     pub difference_interval: [f64; 2],
-    /// Fraction of the episodes with a larger return than the baseline; equal returns count half.
+    /// Fraction of the episodes that the policy improved: its return is larger than the baseline's. Equal
+    /// returns count half.
     pub improved: f64,
 }
 
-/// Compares the returns of a policy with a baseline, episode by episode. Both must have been evaluated on the
-/// same task with the same seed. Returns `None` if the numbers of episodes differ or are 0.
+/// Compares the returns of a policy (`other`) with the returns of a baseline, episode by episode. Both must
+/// have been evaluated on the same task with the same seed. Returns `None` if the numbers of episodes differ
+/// or are 0.
 pub fn compare(baseline: &Evaluation, other: &Evaluation, seed: u64) -> Option<Comparison> {
     if baseline.returns.len() != other.returns.len() || baseline.returns.is_empty() {
         return None;

@@ -65,7 +65,8 @@ impl CrossValidation {
         Self { eigenforces, splits: 0, errors: Vec::new(), explained: Vec::new(), rates: Vec::new() }
     }
 
-    /// Returns the number of calls of `progress` in each [`add`](Self::add).
+    /// Returns the number of progress steps of a split: how often [`add`](Self::add) calls its argument
+    /// `progress`.
     pub fn progress_of_split(&self) -> usize {
         self.eigenforces.len() + 2
     }
@@ -130,7 +131,7 @@ impl CrossValidation {
     }
 
     /// Returns the mean error of position over the splits and its standard deviation, for one basis with `n`
-    /// weights; `None` if they are unknown.
+    /// weights; `None` if this combination was not evaluated.
     pub fn position_error(&self, basis: &str, n: usize) -> Option<(f64, f64)> {
         let row = self.errors.iter().find(|row| row.basis == basis && row.n == n)?;
         Some(mean_and_deviation(&row.position))
@@ -144,8 +145,9 @@ impl CrossValidation {
         (0..first).map(mean).collect()
     }
 
-    /// Returns the recognition rates, 0 to 1, in the metrics of force and position with the `k`-th number of
-    /// weights, as means over the splits; `None` without labels.
+    /// Returns the recognition rates, 0 to 1, with eigenforces in the metric of force and in the metric of
+    /// position, for the number of weights with the index `k`. The rates are means over the splits. `None` if
+    /// `k` is out of range or no recording has a label.
     pub fn recognition(&self, k: usize) -> Option<[f64; 2]> {
         if self.rates.is_empty() || k >= self.eigenforces.len() {
             return None;

@@ -44,8 +44,8 @@ impl From<&Recording> for Trajectory {
 }
 
 impl Recordings {
-    /// Reads the recordings of files and folders, in this order. See [`motorium_recordings`] for their
-    /// formats.
+    /// Reads the recordings of files and folders, in the order of `paths`. See [`motorium_recordings`] for
+    /// the file formats.
     ///
     /// # Errors
     /// [`DataError`] if a file cannot be read, or recordings have different degrees of freedom.

@@ -126,7 +126,7 @@ pub const BALANCED: &str = "eigenforces, balanced";
 
 /// Compares eigenforces, Fourier functions and kernels for each number of weights. Returns pairs of basis
 /// name and evaluation. A library in the metric of position is evaluated twice, the second time balanced for
-/// each number of weights. `done` is called after each evaluation.
+/// each number of weights. `done` is called after each number of weights.
 pub fn compare(
     libraries: &[(&'static str, &MotionLibrary)],
     recordings: &Recordings,

@@ -263,7 +263,8 @@ impl MotionLibrary {
         self.parts.singular.len()
     }
 
-    /// Returns the length of a force vector: `dofs (samples - 1)`.
+    /// Returns the number of rows of an eigenforce, which is the length of a force vector:
+    /// `dofs (samples - 1)`.
     pub fn rows(&self) -> usize {
         self.parts.basis.nrows()
     }

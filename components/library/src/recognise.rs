@@ -79,7 +79,8 @@ impl Recogniser {
         (1.0 - explained * explained).max(0.0).sqrt()
     }
 
-    /// Returns the index of the movement whose weights are nearest to the last projection, and the distance.
+    /// Returns the index of the movement whose weights are nearest to the last projection, and the distance
+    /// between the weights; `None` for a library without movements.
     pub fn nearest(&self) -> Option<(usize, f64)> {
         let distance =
             |known: &[f64]| known.iter().zip(&self.weights).map(|(a, b)| (a - b) * (a - b)).sum::<f64>();

@@ -7,7 +7,7 @@ use motorium_algebra::{Wanted, left_singular};
 use crate::{BuildError, Entry, Frame, LibraryParts, MotionLibrary, Part};
 
 impl MotionLibrary {
-    /// Returns the library of a part of the DoFs, without the recordings.
+    /// Returns the library of a part of the DoFs. The recordings are not needed.
     ///
     /// With `P` the rows of the part, `P F = P U S V^T`. `P U S` has the same left singular vectors as the
     /// part's data, because `V` cancels out. If this library is truncated, the result is truncated too.

@@ -51,7 +51,7 @@ impl Trajectory {
     }
 
     /// Returns the recording resampled to `samples` evenly spaced points of the natural cubic spline through
-    /// its samples. Forces are second differences: piecewise linear paths cause a spike at every sample,
+    /// its samples. Forces are second differences: piecewise linear paths cause a spike at every sample, but
     /// splines do not. A recording that already has `samples` samples stays unchanged.
     #[must_use]
     pub fn splined(&self, samples: usize) -> Self {
@@ -129,9 +129,9 @@ impl Trajectory {
 }
 
 impl Recordings {
-    /// Returns windows of `length` samples of the recording, one every `stride` samples. Windows with a step
-    /// change larger than `leap` between samples are omitted. Each window keeps the label, and the index of
-    /// its first sample is appended to its id.
+    /// Returns windows of `length` samples of each recording, one every `stride` samples. Windows with a step
+    /// change larger than `leap` between samples are omitted. The label of a window is the recording's; the
+    /// id is the recording's, followed by the index of the window's first sample.
     #[must_use]
     pub fn windows(&self, length: usize, stride: usize, leap: f64) -> Self {
         let mut trajectories = Vec::new();
@@ -171,8 +171,8 @@ impl Recordings {
         (set(first), set(rest))
     }
 
-    /// Splits the movements by label: every `every`-th movement of each label, in order, belongs to the
-    /// second set, all others to the first.
+    /// Splits the movements by label. Of each label, one in `every` movements, in order, belongs to the
+    /// second set; all others belong to the first set. An `every` below 2 counts as 2.
     pub fn hold_out(&self, every: usize) -> (Self, Self) {
         let mut counts = std::collections::BTreeMap::<Option<&str>, usize>::new();
         let (mut seen, mut held) = (Vec::new(), Vec::new());

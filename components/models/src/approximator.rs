@@ -59,9 +59,9 @@ pub enum Data {
 pub struct Class {
     /// Name of the kind of model.
     pub name: &'static str,
-    /// Module path of its implementation.
+    /// Module path of the implementation.
     pub path: &'static str,
-    /// Form of its parameters.
+    /// Form of the model's parameters.
     pub parameters: Parameters,
     /// `true` if the model predicts distributions.
     pub probabilistic: bool,
@@ -69,9 +69,9 @@ pub struct Class {
     pub generative: bool,
     /// Scope of a prediction.
     pub scope: Scope,
-    /// `true` if humans can interpret its parameters.
+    /// `true` if humans can interpret the model's parameters.
     pub interpretable: bool,
-    /// `true` if it can approximate any continuous function.
+    /// `true` if the model can approximate any continuous function.
     pub universal: bool,
     /// Required amount of data.
     pub data: Data,

@@ -12,9 +12,11 @@ pub struct Options {
     pub iterations: usize,
     /// Number of previous steps stored by L-BFGS. Default: 10.
     pub memory: usize,
-    /// Largest entry of the gradient at which the minimisation stops. Default: 1e-6.
+    /// Tolerance of the gradient: the minimisation stops when no entry of the gradient is larger in
+    /// magnitude. Default: 1e-6.
     pub gradient: f64,
-    /// Relative decrease of the value in a step below which the minimisation stops. Default: 1e-10.
+    /// Minimum improvement: the minimisation stops when a step decreases the value by less than this
+    /// fraction. Default: 1e-10.
     pub improvement: f64,
     /// Maximum change of one variable in one step. Default: 2.
     pub step: f64,

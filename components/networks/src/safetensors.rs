@@ -61,7 +61,7 @@ pub enum SafetensorsError {
         to: usize,
         /// Length of the file's data section in bytes.
         size: usize,
-        /// Number of bytes required by its shape.
+        /// Number of bytes required by the tensor's shape.
         expected: usize,
     },
     /// A tensor to be written has the wrong number of values.
@@ -69,9 +69,9 @@ pub enum SafetensorsError {
     Shape {
         /// Name of the tensor.
         name: String,
-        /// Numbers found.
+        /// Number of values found.
         found: usize,
-        /// Number of values required by its shape.
+        /// Number of values required by the tensor's shape.
         expected: usize,
     },
 }
@@ -148,7 +148,8 @@ pub fn read<T: Real>(bytes: &[u8]) -> Result<Tensors<T>, SafetensorsError> {
     Ok(Tensors { tensors, metadata: metadata.unwrap_or_default() })
 }
 
-/// Returns the bytes of a file with these tensors as `F32`, in the order of their names.
+/// Returns the bytes of a safetensors file. The tensors are stored as `F32`, in the order of the tensors'
+/// names.
 ///
 /// # Errors
 ///

@@ -58,7 +58,7 @@ pub enum GripperError {
     /// The end effector has no fingers.
     #[error("the end effector of robot `{robot}` has no `fingers` in its profile")]
     NoFingers {
-        /// Name of the robot in its file.
+        /// Name of the robot in the robot's file.
         robot: String,
     },
     /// The position is outside of a joint's range.

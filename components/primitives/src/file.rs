@@ -132,8 +132,8 @@ impl PrimitiveFile {
     /// Version of the file format that this program reads and writes.
     pub const VERSION: u32 = 1;
 
-    /// Creates a discrete primitive with the mean start, goal, velocities and duration of at least one
-    /// demonstration.
+    /// Creates the file of a discrete primitive. Start, goal, velocities and duration are means over the
+    /// demonstrations, of which there must be at least one.
     pub fn discrete(names: Vec<String>, demonstrations: &[Demonstration], model: DmpModel) -> Self {
         let count = demonstrations.len().max(1) as f64;
         let mean = |value: &dyn Fn(&Demonstration, usize) -> f64| -> Vec<f64> {
@@ -152,8 +152,9 @@ impl PrimitiveFile {
         }
     }
 
-    /// Creates a rhythm of `period` seconds. Start and start velocity are means over the periods to which the
-    /// model was fitted: at least one, each samples x dimensions without the closing sample.
+    /// Creates the file of a rhythm of `period` seconds. Start and start velocity are means over `periods`,
+    /// to which the model was fitted. There must be at least one; each is samples x dimensions, without the
+    /// closing sample.
     pub fn rhythmic(names: Vec<String>, period: f64, periods: &[DMatrix<f64>], model: RhythmicModel) -> Self {
         let count = periods.len().max(1) as f64;
         let mean = |value: &dyn Fn(&DMatrix<f64>, usize) -> f64| -> Vec<f64> {
@@ -178,13 +179,15 @@ impl PrimitiveFile {
         }
     }
 
-    /// Creates a probabilistic primitive with the start, goal and velocities of its mean.
+    /// Creates the file of a probabilistic primitive, with the start, goal and velocities of the primitive's
+    /// mean.
     pub fn probabilistic(names: Vec<String>, promp: ProMp) -> Self {
         let mean = ProMpMean::from(promp.clone());
         Self::of_mean(names, mean, Primitive::Probabilistic(promp))
     }
 
-    /// Creates a kernelised primitive with the start, goal and velocities of its mean.
+    /// Creates the file of a kernelised primitive, with the start, goal and velocities of the primitive's
+    /// mean.
     ///
     /// # Errors
     /// [`KmpError`] if a matrix is not positive definite.
@@ -192,7 +195,8 @@ impl PrimitiveFile {
         Ok(Self::of_mean(names, movement.running()?, Primitive::Kernelised(movement)))
     }
 
-    /// Creates a polynomial primitive with the start, goal and velocities of its polynomials.
+    /// Creates the file of a polynomial primitive, with the start, goal and velocities of the primitive's
+    /// polynomials.
     pub fn polynomial(names: Vec<String>, movement: PolynomialMovement) -> Self {
         Self::of_mean(names, movement.clone(), Primitive::Polynomial(movement))
     }

@@ -51,14 +51,14 @@ pub struct Override {
     pub amplitude: Option<f64>,
 }
 
-/// A point to which a probabilistic primitive is conditioned.
+/// A point on which a probabilistic primitive is conditioned.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ViaPoint {
     /// Phase, 0 at the start and 1 at the end.
     pub phase: f64,
     /// Position, one entry per dimension.
     pub position: Vec<f64>,
-    /// Standard deviation of the position, in its unit.
+    /// Standard deviation of the position, in the unit of the position.
     pub deviation: f64,
 }
 
@@ -136,7 +136,7 @@ const MAX_STEPS: f64 = 1e9;
 /// Maximum number of samples of a trajectory.
 pub const MAX_SAMPLES: f64 = 1e7;
 
-/// Runs a primitive and samples it every `interval` seconds.
+/// Runs a primitive and samples the movement every `interval` seconds.
 ///
 /// # Errors
 /// [`RolloutError`] if an override is unsupported or out of range, or there are more than [`MAX_SAMPLES`]
@@ -155,8 +155,9 @@ pub fn roll_out(
     }
 }
 
-/// Reproduces each demonstration with its duration and number of samples: from its start and, if the
-/// primitive is discrete, to its goal.
+/// Reproduces each demonstration with the same duration and number of samples. The movement starts at the
+/// start of the demonstration. If the primitive is discrete, the movement ends at the goal of the
+/// demonstration.
 ///
 /// `demonstrations` contains durations (s) with positions (samples x dimensions); for a rhythm, one period
 /// each.

@@ -169,7 +169,9 @@ pub struct Environment<E> {
 }
 
 impl<E: Engine> Environment<E> {
-    /// Creates the world with index `world` of a training run with a seed, before its first episode.
+    /// Creates one world of a training run. `seed` is the seed of the run, `world` the index of the world.
+    /// The world is at the start of its first episode, which the first call of [`reset`](Self::reset) starts
+    /// again.
     ///
     /// # Errors
     ///
@@ -207,7 +209,7 @@ impl<E: Engine> Environment<E> {
     }
 
     /// Starts the next episode with the physical properties and the start state that a physics component of a
-    /// graph samples from this seed. Returns the first observation.
+    /// graph samples from `seed`. Returns the first observation.
     ///
     /// # Errors
     ///

@@ -9,7 +9,7 @@ use motorium_worlds::{World, WorldError};
 
 use crate::task::{Task, digest_joints, robot_digest};
 
-/// Error of loading the robot of a task or its world.
+/// Error of loading the robot or the world of a task.
 #[derive(Debug, thiserror::Error)]
 pub enum SceneError {
     /// The file or the profile of the robot is invalid.

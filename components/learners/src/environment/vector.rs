@@ -136,8 +136,8 @@ impl<E: Engine + Send> VectorEnvironment<E> {
         episodes.map(progress).collect()
     }
 
-    /// Restores the worlds of a run with a seed bit for bit, by starting the given episode of each world and
-    /// replaying its actions.
+    /// Restores the worlds of a run bit for bit. `seed` is the seed of the run. Each world starts the episode
+    /// in `progress` and replays the actions of this episode.
     ///
     /// # Errors
     ///

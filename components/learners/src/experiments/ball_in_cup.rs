@@ -150,8 +150,8 @@ pub struct Study {
 }
 
 impl Study {
-    /// Runs a study of the ball-in-cup task on several threads. The path of its robot is relative to `base`.
-    /// `observe` is called after each trial. The result does not depend on the number of threads.
+    /// Runs a study of the ball-in-cup task on several threads. The path of the task's robot is relative to
+    /// `base`. `observe` is called after each trial. The result does not depend on the number of threads.
     ///
     /// # Errors
     ///
@@ -190,7 +190,7 @@ impl Study {
         self.trials.iter().filter(move |trial| (trial.weights, trial.count) == (weights, count))
     }
 
-    /// Returns the final evaluations of these trials, one per seed.
+    /// Returns the final evaluations of the trials with a kind and number of weights, one per seed.
     pub fn ends(&self, weights: Weights, count: usize) -> Vec<Point> {
         self.trials(weights, count).filter_map(|trial| trial.curve.last().copied()).collect()
     }

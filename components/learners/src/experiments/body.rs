@@ -61,8 +61,8 @@ pub fn windows(mut clips: Recordings) -> (Recordings, Recordings) {
     (clips.windows(WINDOW, STRIDE, LEAP), rest.windows(WINDOW, STRIDE, LEAP))
 }
 
-/// Returns the largest difference of the singular values of two libraries, relative to the largest singular
-/// value of the second.
+/// Returns the largest difference between corresponding singular values of the libraries `a` and `b`,
+/// relative to the largest singular value of `b`.
 pub fn difference(a: &MotionLibrary, b: &MotionLibrary) -> f64 {
     let (a, b) = (&a.parts().singular, &b.parts().singular);
     let largest = b.first().copied().unwrap_or(1.0);
@@ -128,8 +128,8 @@ impl Body {
         Ok(Self { whole, arms, legs, right_arm, left_leg, together, two_parts, four_parts })
     }
 
-    /// Returns goals that combine the arms of one held-out window with the legs of a window from another
-    /// recording.
+    /// Returns composite goals. Each goal combines the arms of one held-out window with the legs of a window
+    /// from another recording.
     pub fn composites(&self, held: &Recordings) -> Vec<Goal> {
         let spring = self.whole.spring();
         let arm_names = self.arms.layout().names();

@@ -23,9 +23,9 @@ use crate::ppo::{Ppo, PpoSettings};
 use crate::search::{Start, StartError, TellError};
 use crate::task::Task;
 
-/// Weights of the demonstrator for the observations of the task, followed by its bias. The observations are
-/// the positions of cart and pole relative to the default pose \[m, rad\], then their velocities. The action
-/// is a fraction of the maximum force.
+/// Weights of the demonstrator for the observations of the task, followed by the bias of the demonstrator.
+/// The observations are the positions of cart and pole relative to the default pose \[m, rad\], then their
+/// velocities. The action is a fraction of the maximum force.
 pub const DEMONSTRATOR: [f32; 5] = [0.0, 2.0, 0.0, 0.3, 0.03];
 /// Length of an observation.
 const INPUTS: usize = DEMONSTRATOR.len() - 1;
@@ -182,9 +182,9 @@ enum Done {
 }
 
 impl Study {
-    /// Runs a study of the cart-pole task on several threads. The path of its robot is relative to `base`.
-    /// `observe` is called after each trial and each demonstrator. The result does not depend on the number
-    /// of threads.
+    /// Runs a study of the cart-pole task on several threads. The path of the task's robot is relative to
+    /// `base`. `observe` is called after each trial and each demonstrator. The result does not depend on the
+    /// number of threads.
     ///
     /// # Errors
     ///

@@ -252,14 +252,14 @@ impl Study {
         self.trials.iter().filter(move |trial| trial.searcher == searcher)
     }
 
-    /// Returns, for each evaluation of a search, its number, the mean over seeds of the best speed so far
-    /// \[m/s\], and the standard error.
+    /// Returns, for each evaluation of a search, the number of the evaluation, the mean over seeds of the
+    /// best speed so far \[m/s\], and the standard error of this mean.
     pub fn speeds(&self, searcher: Searcher) -> Vec<[f64; 3]> {
         over_seeds(&self.trials(searcher).map(Trial::best_speeds).collect::<Vec<_>>(), 1)
     }
 
-    /// Returns, for each evaluation of a search, its number, the mean over seeds of the distance from the
-    /// previous gait, and the standard error.
+    /// Returns, for each evaluation of a search, the number of the evaluation, the mean over seeds of the
+    /// distance from the previous gait, and the standard error of this mean.
     pub fn distances(&self, searcher: Searcher) -> Vec<[f64; 3]> {
         over_seeds(&self.trials(searcher).map(Trial::distances).collect::<Vec<_>>(), 2)
     }

@@ -63,8 +63,8 @@ impl SearchSpace {
         Self::library_of(library, n, library.entries().len())
     }
 
-    /// Returns a space of the first `n` eigenforces of a library without weights, such as a library of
-    /// independently moving parts, that represents `movements` movements.
+    /// Returns a space of the first `n` eigenforces of a library that represents `movements` movements. The
+    /// library needs no weights; it may be merged from independently moving parts, for example.
     pub fn library_of(library: &MotionLibrary, n: usize, movements: usize) -> Self {
         let n = n.min(library.rank());
         let movements = movements.max(1) as f64;
@@ -186,8 +186,8 @@ impl Search {
         best.unwrap_or_default()
     }
 
-    /// Returns, for each entry of [`REPORTED`], the number of rollouts, the mean of the best reward and its
-    /// standard error.
+    /// Returns, for each entry of [`REPORTED`], the number of rollouts, the mean of the best rewards so far,
+    /// and the standard error of this mean.
     pub fn curve(&self) -> Vec<[f64; 3]> {
         let point = |(k, rollouts): (usize, &usize)| {
             let rewards: Vec<f64> = self.rewards.iter().map(|run| run[k]).collect();
@@ -197,14 +197,16 @@ impl Search {
         REPORTED.iter().enumerate().map(point).collect()
     }
 
-    /// Returns the mean of the final best reward and its standard error.
+    /// Returns the mean reward of the best candidates at the end of the searches, and the standard error of
+    /// this mean.
     pub fn reward(&self) -> (f64, f64) {
         let last: Vec<f64> = self.rewards.iter().map(|run| run[REPORTED.len() - 1]).collect();
         mean_and_error(&last)
     }
 }
 
-/// Returns `true` if the mean `a` exceeds `b` by more than the standard error of the difference.
+/// Returns `true` if the mean of `a` exceeds the mean of `b` by more than the standard error of their
+/// difference. `a` and `b` consist of a mean and its standard error.
 pub fn is_clearly_larger(a: (f64, f64), b: (f64, f64)) -> bool {
     a.0 - b.0 > a.1.hypot(b.1)
 }

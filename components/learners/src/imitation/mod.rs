@@ -142,8 +142,8 @@ impl<E: Engine + Send> Imitation<E> {
         Ok(Self { seed, experts, running, regression, choices, worlds })
     }
 
-    /// Adds recorded observations and actions, which contain the actions of an expert. If they are added
-    /// before the first iteration, the recordings replace the steps of this iteration.
+    /// Adds recorded observations with the actions of an expert. If added before the first iteration, the
+    /// recordings replace the steps of this iteration.
     ///
     /// # Errors
     ///

@@ -198,8 +198,8 @@ impl Movements {
     }
 }
 
-/// Returns the root mean square distance and the maximum distance between two paths, in their unit. Paths are
-/// evenly spaced samples x dimensions.
+/// Returns the root mean square distance and the maximum distance between two paths, in the unit of the
+/// paths. Paths are evenly spaced samples x dimensions.
 pub fn distances(path: &DMatrix<f64>, other: &DMatrix<f64>) -> [f64; 2] {
     let squares = path.row_iter().zip(other.row_iter()).map(|(a, b)| (a - b).norm_squared());
     let (sum, largest) = squares.fold((0.0, 0.0_f64), |(sum, largest), x| (sum + x, largest.max(x)));

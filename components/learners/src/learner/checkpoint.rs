@@ -151,7 +151,7 @@ impl CheckpointReader {
     ///
     /// # Errors
     ///
-    /// [`CheckpointError`] if they are missing or their number differs.
+    /// [`CheckpointError`] if the parameters are missing or their number differs.
     pub fn network(&mut self, name: &str, network: &mut Perceptron) -> Result<(), CheckpointError> {
         network.set(&self.numbers(name, network.parameters())?);
         Ok(())
@@ -173,7 +173,7 @@ impl CheckpointReader {
         adam.ok_or_else(|| CheckpointError::mismatch(name, "a negative count", "steps"))
     }
 
-    /// Restores all worlds of a run with a seed by replaying their running episodes.
+    /// Restores all worlds of the run with the seed `seed` by replaying their running episodes.
     ///
     /// # Errors
     ///

@@ -28,7 +28,7 @@ pub enum Head {
 /// [`Head`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct TrainedNetwork {
-    /// Gated recurrent units before the layers.
+    /// Memory of the network: gated recurrent units before the layers. `None` for a network without memory.
     pub memory: Option<GruLayer>,
     /// Weights (outputs x inputs, row by row) and biases of each layer.
     pub layers: Vec<(Vec<f32>, Vec<f32>)>,

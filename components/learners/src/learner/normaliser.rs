@@ -54,8 +54,8 @@ impl Normaliser {
         }
     }
 
-    /// Merges the normalisation into the first layer of a network, with `weights` (outputs x inputs, row by
-    /// row) and `bias`.
+    /// Folds the normalisation into the first layer of a network by changing the layer's `weights` (outputs x
+    /// inputs, row by row) and `bias`.
     pub fn fold(&self, weights: &mut [f32], bias: &mut [f32]) {
         for (row, bias) in weights.chunks_exact_mut(self.mean.len()).zip(bias) {
             let mut shift = 0.0;

@@ -44,7 +44,8 @@ pub struct NStep {
     /// Factor of the value after the last step: the discount to the power of the number of steps, or 0 if the
     /// episode terminated.
     pub discount: f32,
-    /// Sample index of the last step, after whose next observation the value applies.
+    /// Sample index of the last step. The factor `discount` applies to the value of the observation after
+    /// this step.
     pub last: usize,
 }
 
@@ -116,14 +117,14 @@ impl ReplayBuffer {
         &self.actions[sample * self.width..][..self.width]
     }
 
-    /// Returns the observation after a step. If the episode ended in this step, this is its final
-    /// observation.
+    /// Returns the observation after a step. If the episode ended in this step, the result is the final
+    /// observation of the episode.
     pub fn next_observation(&self, sample: usize) -> &[f32] {
         &self.next[sample * self.inputs..][..self.inputs]
     }
 
-    /// Returns the return over up to `count` steps from a sample on. It has fewer steps if the episode or the
-    /// stored data end earlier.
+    /// Returns the n-step return of `count` steps, the first of which is `sample`. The return has fewer steps
+    /// if the episode or the stored data end earlier.
     ///
     /// # Panics
     ///

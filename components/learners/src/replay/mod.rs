@@ -43,7 +43,7 @@ pub struct Batch {
     pub rewards: Vec<f32>,
     /// Factors of the value of the next observation, one per sample.
     pub discounts: Vec<f32>,
-    /// Normalised observations after the last of these steps.
+    /// Normalised observations after the last step of each discounted sum.
     pub next: DMatrix<f32>,
 }
 
@@ -53,8 +53,8 @@ impl Batch {
         self.rewards.len()
     }
 
-    /// Returns ranges of samples whose gradients are summed separately. They do not depend on the number of
-    /// threads.
+    /// Returns ranges of samples whose gradients are summed separately. The ranges do not depend on the
+    /// number of threads.
     pub fn chunks(&self) -> Vec<Range<usize>> {
         let count = self.count();
         (0..count).step_by(CHUNK).map(|first| first..count.min(first + CHUNK)).collect()

@@ -11,8 +11,8 @@ use super::{Distribution, Generations, Samples, Start, StartError};
 pub struct CrossEntropySettings {
     /// Number of candidates per generation, at least 1. Default 20.
     pub population: usize,
-    /// Fraction of each generation, its best candidates, from which the next distribution is estimated. More
-    /// than 0, at most 1. Default 0.25.
+    /// Fraction of each generation that forms the elite: the best candidates, from which the next
+    /// distribution is estimated. More than 0, at most 1. Default 0.25.
     pub elite: f64,
     /// Weight of the elite in the next mean and deviation. More than 0, at most 1. Default 0.7. Smaller
     /// values search longer and are less sensitive to noise.

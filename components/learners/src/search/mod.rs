@@ -70,8 +70,8 @@ pub struct Candidate {
     pub id: u64,
     /// Parameters to evaluate.
     pub parameters: Vec<f64>,
-    /// Seed of the evaluation's random numbers. Candidates that are compared with common random numbers share
-    /// it.
+    /// Seed of the evaluation's random numbers. Candidates that are compared with common random numbers have
+    /// the same seed.
     pub seed: u64,
 }
 

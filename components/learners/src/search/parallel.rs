@@ -63,7 +63,7 @@ pub struct Evaluation {
     /// every number.
     #[serde(deserialize_with = "number_or_nan")]
     pub reward: f64,
-    /// Reason of a failed outcome.
+    /// Reason for a failed outcome.
     pub reason: Option<String>,
 }
 

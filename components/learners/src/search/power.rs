@@ -11,7 +11,7 @@ use super::{Distribution, Generations, Samples, Start, StartError};
 pub struct PowerSettings {
     /// Number of rollouts between two updates, at least 1. Default 1.
     pub population: usize,
-    /// Number of rollouts, the best so far, from which an update is computed, at least 1. Default 10.
+    /// Number of the best rollouts so far from which an update is computed, at least 1. Default 10.
     pub best: usize,
     /// Minimum and maximum factor on the initial variance of the exploration. Default 0.1 and 10.
     pub variance: [f64; 2],

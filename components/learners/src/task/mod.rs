@@ -122,8 +122,8 @@ pub struct Task {
     /// number is sampled for each episode. Default: 0.
     #[serde(default)]
     pub delay: [usize; 2],
-    /// `true` limits position actions like a command gate: to the range of the joint, and to its velocity
-    /// limit. Default: false.
+    /// `true` limits position actions like a command gate: to the range and the velocity limit of each joint.
+    /// Default: false.
     #[serde(default)]
     pub within_limits: bool,
     /// Ranges of physical properties and start states, sampled at the start of every episode, as in a graph.
@@ -147,8 +147,8 @@ pub struct StartState {
     /// Maximum deviation of each velocity from the start, uniformly distributed \[rad/s or m/s\]. Default: 0.
     #[serde(default)]
     pub velocity_spread: f64,
-    /// Number of physics steps without commands before the first observation. In a graph it is 1: the first
-    /// state is published after the first step, before a command can arrive. Default: 0.
+    /// Number of physics steps without commands before the first observation. In a graph the number is 1: the
+    /// first state is published after the first step, before a command can arrive. Default: 0.
     #[serde(default)]
     pub free_steps: usize,
 }

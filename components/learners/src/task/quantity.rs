@@ -82,7 +82,7 @@ pub struct Reward {
     /// Value subtracted from the quantity. Default: 0.
     #[serde(default)]
     pub target: f64,
-    /// Function of the difference. Default: `linear`.
+    /// Function that maps the difference between the quantity and `target` to a reward. Default: `linear`.
     #[serde(default)]
     pub shape: Shape,
     /// Width of a kernel, in units of the quantity, more than 0.

@@ -7,7 +7,7 @@ use motorium_primitives::cpg::{Gait, NetworkSettings, Node, PhaseNetwork};
 use super::TaskError;
 
 /// The phase-amplitude network of a [`Pattern`], as in `policy.cpg`. Environments and `policy.joint_targets`
-/// share it. Only [`new`](Self::new) and [`clone`](Clone::clone) allocate.
+/// share this type. Only [`new`](Self::new) and [`clone`](Clone::clone) allocate.
 #[derive(Clone, Debug)]
 pub struct Rhythm {
     network: PhaseNetwork,
@@ -90,7 +90,8 @@ impl Rhythm {
         self.network.step(dt);
     }
 
-    /// Returns, for each oscillation, the index of its joint in the action and its target.
+    /// Returns the target of each oscillating joint, as pairs of the joint's index in the action and the
+    /// target.
     pub fn targets(&self) -> impl Iterator<Item = (usize, f64)> {
         self.nodes.iter().map(|(joint, _)| *joint).zip(self.network.output().iter().copied())
     }

@@ -20,8 +20,8 @@ pub fn robot_digest(robot: &Loaded, joints: &[impl AsRef<str>]) -> Option<RobotD
     Some(RobotDigest { joints, dynamics: robot.dynamics_digest() })
 }
 
-/// Returns the joints of a robot that an action moves: its own joints, or for a base twist the joints of the
-/// robot's mobile base.
+/// Returns the joints of a robot that an action moves: the joints of the action or, for a base twist, the
+/// joints of the robot's mobile base.
 pub fn digest_joints<'a>(action: &'a Action, robot: &'a Loaded) -> Vec<&'a str> {
     let base = robot.profile.as_ref().and_then(|profile| profile.mobile_base.as_ref());
     let base = base.filter(|_| action.twist.is_some());
@@ -30,7 +30,7 @@ pub fn digest_joints<'a>(action: &'a Action, robot: &'a Loaded) -> Vec<&'a str> 
 }
 
 /// Returns the difference between the robot for which a policy was trained and another robot. Returns `None`
-/// if they are equal, or the policy has no digest. A missing joint counts as a difference of joints.
+/// if the robots are equal, or the policy has no digest. A missing joint counts as a difference of joints.
 pub fn robot_difference(policy: &Policy, robot: &Loaded) -> Option<RobotDifference> {
     let trained = policy.robot_digest?;
     match robot_digest(robot, &digest_joints(&policy.action, robot)) {

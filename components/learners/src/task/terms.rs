@@ -231,8 +231,8 @@ impl Terms {
         self.policy.action.twist
     }
 
-    /// Returns, for each element of an action, `true` if it has an effect: the scale of its joint is not 0,
-    /// or it commands the pattern or the base.
+    /// Returns, for each element of an action, `true` if the element has an effect: the scale of the
+    /// element's joint is not 0, or the element commands the pattern or the base.
     pub fn active_actions(&self) -> Vec<bool> {
         let joints = self.targets.targets();
         (0..self.actions()).map(|index| joints.get(index).is_none_or(|joint| joint.scale != 0.0)).collect()
@@ -292,7 +292,8 @@ impl Terms {
         &self.targets
     }
 
-    /// Returns the quantity that the action commands, and the stiffness and damping of each of its joints.
+    /// Returns the quantity that the action commands, and the stiffness and damping of the drive of each
+    /// joint of the action.
     pub fn drives(&self) -> (ActionKind, &[[f64; 2]]) {
         (self.policy.action.kind, &self.gains)
     }

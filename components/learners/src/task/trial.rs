@@ -36,7 +36,7 @@ pub struct Step {
 }
 
 /// One attempt at a task, independent of the simulated world. Environments and the component `learner.task`
-/// share it. Only [`new`](Self::new) and [`with_noise`](Self::with_noise) allocate.
+/// share this type. Only [`new`](Self::new) and [`with_noise`](Self::with_noise) allocate.
 ///
 /// Call [`begin`](Self::begin) with the first state, then [`act`](Self::act) and [`judge`](Self::judge) for
 /// each policy step.
@@ -57,7 +57,7 @@ pub struct Trial {
 }
 
 impl Trial {
-    /// Creates a trial that observes true states.
+    /// Creates a trial whose observations contain no noise.
     pub fn new(terms: &Terms) -> Self {
         let zeros = vec![0.0; terms.actions()];
         Self {
@@ -74,7 +74,7 @@ impl Trial {
         }
     }
 
-    /// Creates a trial that observes states with the noise of the task.
+    /// Creates a trial whose observations contain the measurement noise of the task.
     pub fn with_noise(terms: &Terms) -> Self {
         let noisy = terms.noise().map(|noise| NoisyState::new(noise, terms.joints()));
         Self { noisy, ..Self::new(terms) }

@@ -37,7 +37,7 @@ pub enum RunError {
     Description {
         /// Path of the file.
         file: PathBuf,
-        /// Reason why it does not parse.
+        /// Reason why the description does not parse.
         message: String,
     },
     /// The run cannot be continued, because it has no checkpoint.
@@ -61,7 +61,7 @@ pub enum RunError {
     Checkpoint {
         /// Path of the checkpoint file.
         file: PathBuf,
-        /// Reason why it does not fit.
+        /// Reason why the checkpoint does not fit.
         source: Box<CheckpointError>,
     },
     /// Training failed.
@@ -220,8 +220,8 @@ impl Run {
         (self.learner.steps(), self.learner.total_steps())
     }
 
-    /// Performs one update and writes its line of progress, and a checkpoint when due. Returns `None` once
-    /// all steps have been performed.
+    /// Performs one update, appends a line to the progress file, and writes a checkpoint when due. Returns
+    /// `None` once all steps have been performed.
     ///
     /// # Errors
     ///

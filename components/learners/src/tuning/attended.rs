@@ -18,7 +18,8 @@ pub trait Operator {
 pub enum Attendance {
     /// All evaluations have been recorded.
     Finished,
-    /// The operator stopped the tuning, or the input ended. [`Tuning::attend`] asks the same question again.
+    /// The operator stopped the tuning, or the input ended. The next call of [`Tuning::attend`] asks the same
+    /// question again.
     Stopped,
 }
 

@@ -92,7 +92,7 @@ pub enum TuningError<E> {
     Parse {
         /// Path of the file.
         file: PathBuf,
-        /// Reason why it does not parse.
+        /// Reason why the file does not parse.
         message: String,
     },
     /// The checkpoint belongs to another search.
@@ -100,7 +100,7 @@ pub enum TuningError<E> {
     Restore {
         /// Path of the file.
         file: PathBuf,
-        /// Reason why it cannot be restored.
+        /// Reason why the checkpoint cannot be restored.
         source: RestoreError,
     },
     /// The table has fewer lines than the checkpoint has evaluations.
@@ -119,7 +119,7 @@ pub enum TuningError<E> {
     /// The first evaluation finished without a reward, so all other evaluations would also have none.
     #[error("the first evaluation has no reward: {reason}")]
     NoReward {
-        /// Reason why it has no reward.
+        /// Reason why the evaluation has no reward.
         reason: String,
     },
     /// The subject cannot be evaluated.
@@ -187,8 +187,8 @@ pub struct Summary {
     pub outcomes: BTreeMap<Outcome, u64>,
     /// Best values of the parameters and their reward; `None` if every evaluation failed.
     pub best: Option<(Vec<f64>, f64)>,
-    /// SHA-256 digest of the table of evaluations, in hexadecimal. It is equal for equal parameters, rewards
-    /// and outcomes.
+    /// SHA-256 digest of the table of evaluations, in hexadecimal. Tables with equal parameters, rewards and
+    /// outcomes have equal digests.
     pub table_sha256: String,
 }
 

@@ -241,7 +241,7 @@ pub fn read(path: &Path) -> Result<MotionLibrary, FileError> {
     from_bytes(&content).map_err(at)
 }
 
-/// Reads a library from the bytes of a file, with any alignment.
+/// Reads a library from the bytes of a file. The bytes may have any alignment.
 ///
 /// # Errors
 /// [`FileError`] if the bytes are not a valid library.

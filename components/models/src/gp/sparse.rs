@@ -90,8 +90,9 @@ fn spread(points: &Points, count: usize) -> Vec<usize> {
 
 impl SparseGaussianProcess {
     /// Creates a process from a noise variance and data. Each row of `x` is a point with `dimensions`
-    /// coordinates. The same row of `y` contains the `outputs` values at this point. `inducing` points,
-    /// spread over the data, become the inducing points, or fewer if points are repeated.
+    /// coordinates. The same row of `y` contains the `outputs` values at this point. `inducing` is the number
+    /// of inducing points, which are points of `x` spread over the data. If points are repeated, there may be
+    /// fewer.
     ///
     /// # Errors
     /// [`GpError`] if the sizes do not match, a value is not finite, `inducing` is 0 or exceeds the number of

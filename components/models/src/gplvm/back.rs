@@ -11,8 +11,8 @@ use super::space::Scaling;
 #[serde(rename_all = "snake_case")]
 pub enum BackForm {
     /// The standardised pose: each column is one latent dimension. If there are fewer latent dimensions than
-    /// columns, they are the leading principal components, scaled to unit standard deviation. Training fits
-    /// hyperparameters only.
+    /// columns, the latent dimensions are the leading principal components, scaled to unit standard
+    /// deviation. Training fits hyperparameters only.
     Pose,
     /// Kernel regression with `exp(-gamma |y - y'|^2)`, `gamma = 0.2 / median |y - y'|^2`.
     Kernel,

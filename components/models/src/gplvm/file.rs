@@ -55,7 +55,7 @@ pub enum FileError {
         "checksum of line 2 is {found:016x}, expected {expected}\nhelp: the file is damaged, copy it again"
     )]
     Checksum {
-        /// Checksum of the content, computed.
+        /// Checksum computed from the content.
         found: u64,
         /// Checksum in the header.
         expected: String,

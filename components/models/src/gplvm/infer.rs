@@ -77,8 +77,8 @@ impl LatentModel {
         }
     }
 
-    /// Writes the latent point of a new pose by the back constraint. Returns `false` if there is no back
-    /// constraint. Does not allocate.
+    /// Maps a new pose to its latent point by the back constraint, and writes the point to `x`. `standard` is
+    /// a buffer for the standardised pose. Returns `false` if there is no back constraint. Does not allocate.
     ///
     /// # Panics
     /// If a slice has the wrong length; `standard` must have the length of the pose.

@@ -56,7 +56,7 @@ pub enum LatentError {
     Space {
         /// Name of the space.
         space: String,
-        /// Reason why they are invalid.
+        /// Reason why the poses are invalid.
         error: GpError,
     },
     /// The model has no space with this name.

@@ -16,7 +16,7 @@ use crate::optimise::{Minimum, Options, minimise};
 pub enum Prior {
     /// Flat prior.
     None,
-    /// Standard normal prior. It is constant if the latent point is a pose.
+    /// Standard normal prior. If the latent point is a pose, the prior is constant.
     #[default]
     Normal,
     /// Dynamic prior: a Gaussian process from each latent point to the next, with an RBF and a linear kernel
@@ -40,7 +40,8 @@ pub struct Settings {
     pub back: Option<(String, BackForm)>,
     /// Prior on the latent points. Default: [`Prior::Normal`].
     pub prior: Prior,
-    /// Maximum number of iterations, per space and start if the latent point is a pose. Default: 300.
+    /// Maximum number of iterations. If the latent point is a pose, the maximum applies to each start of each
+    /// space. Default: 300.
     pub iterations: usize,
 }
 
@@ -210,8 +211,8 @@ impl LatentModel {
     }
 
     /// Trains like [`train`](Self::train), and calls `report` with each evaluation of an objective. The
-    /// arguments are the name of the space if the spaces are fitted one after the other (otherwise `all
-    /// spaces`), and the value.
+    /// arguments of `report` are a name and the value of the objective. If the spaces are fitted one after
+    /// the other, the name is the name of the space, otherwise `all spaces`.
     ///
     /// # Errors
     /// Same as [`train`](Self::train).

@@ -244,7 +244,8 @@ impl Hmm {
         Ok(self.forward(&self.densities(sequence)?)?.0)
     }
 
-    /// Returns the most probable path of states and the logarithm of its joint probability with the sequence.
+    /// Returns the most probable path of states, preceded by the logarithm of the joint probability of path
+    /// and sequence.
     ///
     /// # Errors
     /// [`HmmError`] if the sequence is invalid or impossible.

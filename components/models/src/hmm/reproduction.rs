@@ -6,8 +6,8 @@ use nalgebra::{DMatrix, DVector};
 
 use super::{Hmm, HmmError};
 
-/// A Gaussian mixture regression with the states of a model. It predicts some columns of an observation from
-/// the others.
+/// A Gaussian mixture regression that predicts some columns of an observation from the others, with one
+/// Gaussian per state of a hidden Markov model.
 ///
 /// `h_i ~ P(s_t = i | inputs so far)` comes from the forward recursion on the input columns, and `y = sum_i
 /// h_i (m_i^o + C_i^oi (C_i^ii)^-1 (x - m_i^i))`. Reference: Calinon and others, *Learning and reproduction

@@ -140,8 +140,8 @@ impl Kernel {
         }
     }
 
-    /// Writes to `out` the covariances of `query` with the points from index `first` on. `own` is the index
-    /// of the query among the points, if it is one of them. Does not allocate.
+    /// Writes to `out` the covariances of `query` with the points from index `first` on. If the query is one
+    /// of the points, `own` is the index of this point. Does not allocate.
     ///
     /// # Panics
     /// If `scratch` has fewer than [`scratch_rows`](Self::scratch_rows) rows of the length of `out`.

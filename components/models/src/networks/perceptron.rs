@@ -133,8 +133,8 @@ fn resize(matrix: &mut DMatrix<f32>, rows: usize, columns: usize) {
     }
 }
 
-/// Trace of a forward pass: the inputs of all layers, then the output. Reuse it to avoid allocation in passes
-/// over batches of the same size.
+/// Trace of a forward pass: the inputs of all layers, then the output. Reuse a trace to avoid allocation in
+/// passes over batches of the same size.
 #[derive(Clone, Debug, Default)]
 pub struct PerceptronTrace {
     /// Inputs of all layers, then the output.

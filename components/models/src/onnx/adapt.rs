@@ -11,7 +11,7 @@ use super::{Input, Length, Model, OnnxError};
 pub struct Adapter {
     /// Number of values of the observation.
     pub width: usize,
-    /// Source of each input in the observation.
+    /// For each input, the part of the observation from which the input is computed.
     pub parts: Vec<Part>,
     /// Name of the output that contains the action.
     pub action: String,
@@ -26,15 +26,16 @@ pub struct Adapter {
 pub struct Part {
     /// Name of the input.
     pub input: String,
-    /// Index in the observation of each value of the input. With `orientation`, the indices of the three
-    /// components of the direction of gravity. Empty for a constant input, whose values are `add`.
+    /// For each value of the input, the index of its source value in the observation. With `orientation`, the
+    /// indices of the three components of the direction of gravity. Empty for a constant input, whose values
+    /// are `add`.
     pub picks: Vec<usize>,
     /// Factors of the values; empty means 1.
     pub scale: Vec<f32>,
     /// Offsets added after the factors; empty means 0.
     pub add: Vec<f32>,
     /// For an input that is a unit quaternion: the order of its values, as indices of x, y, z, w. The
-    /// quaternion has the direction of gravity of the observation and a heading of 0.
+    /// quaternion is the orientation with the observed direction of gravity and a heading of 0.
     pub orientation: Option<[usize; 4]>,
 }
 

@@ -5,8 +5,8 @@
 pub enum Length {
     /// Length fixed in the file.
     Fixed(usize),
-    /// Length chosen when the network is compiled, such as the number of rows, with its name, which may be
-    /// empty.
+    /// Length chosen when the network is compiled, such as the number of rows. Contains the name of the axis,
+    /// which may be empty.
     Free(String),
 }
 

@@ -33,7 +33,7 @@ pub enum PolicyFolderError {
     Policy {
         /// Path of the file.
         path: PathBuf,
-        /// Reason why it is invalid.
+        /// Reason why the policy is invalid.
         reason: PolicyError,
     },
     /// The network cannot be read or compiled.
@@ -41,7 +41,7 @@ pub enum PolicyFolderError {
     Onnx {
         /// Path of the file.
         path: PathBuf,
-        /// Reason why it cannot be used.
+        /// Reason why the network cannot be used.
         reason: OnnxError,
     },
     /// The network does not match the policy.

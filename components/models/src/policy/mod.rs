@@ -138,9 +138,9 @@ impl Observation {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Term {
-    /// Linear velocity of the base in its frame \[m/s\].
+    /// Linear velocity of the base in the frame of the base \[m/s\].
     BaseLinearVelocity,
-    /// Angular velocity of the base in its frame \[rad/s\].
+    /// Angular velocity of the base in the frame of the base \[rad/s\].
     BaseAngularVelocity,
     /// Direction of gravity in the frame of the base.
     ProjectedGravity,

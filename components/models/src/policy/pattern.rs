@@ -6,7 +6,7 @@ use super::{Action, ActionKind, PolicyError};
 
 /// A central pattern generator between the network and the drives. The action then commands the centre of
 /// each joint's oscillation. Two additional outputs command the frequency and the amplitude: the bounds
-/// `action.clip` of an output are mapped to the ends of the range given here.
+/// `action.clip` of these outputs are mapped to the ends of the ranges `frequency` and `amplitude`.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Pattern {

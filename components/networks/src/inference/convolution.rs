@@ -22,8 +22,9 @@ pub struct Convolution<T = f32> {
 }
 
 impl<T: Lanes> Convolution<T> {
-    /// Creates a convolution with `positions` output positions. For each position, `offsets` lists the
-    /// indices of the inputs within a group's channels (`group_size` numbers); [`PADDING`] reads as 0.
+    /// Creates a convolution with `positions` output positions. For each position, `offsets` contains the
+    /// indices of the patch's inputs among the `group_size` numbers of a group's channels. [`PADDING`] reads
+    /// as 0.
     pub fn new(groups: Vec<Packed<T>>, offsets: Vec<u32>, group_size: usize, positions: usize) -> Self {
         let outputs = groups.first().map_or(0, Packed::outputs);
         let (patches, products) =

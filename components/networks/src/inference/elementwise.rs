@@ -109,7 +109,7 @@ pub enum Operand {
     Aligned,
     /// The same number for all outputs.
     Single,
-    /// Numbers at these offsets, one per output.
+    /// For each output, the number at this offset in the operand.
     At(Vec<u32>),
 }
 

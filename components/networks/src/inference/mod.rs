@@ -231,8 +231,8 @@ impl<T: Lanes> Program<T> {
         self.outputs.push(output);
     }
 
-    /// Runs an operation on the current content of the buffers without adding it to the program. Returns its
-    /// `length` outputs.
+    /// Runs an operation on the current content of the buffers without adding it to the program. Returns the
+    /// `length` outputs of the operation.
     pub fn evaluate(&mut self, mut operation: Operation<T>, length: usize) -> Vec<T> {
         let mut output = vec![T::default(); length];
         operation.run(self.arch, &mut self.buffers, &mut output);

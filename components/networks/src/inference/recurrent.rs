@@ -78,8 +78,9 @@ impl<T: Lanes> Direction<T> {
         }
     }
 
-    /// Runs over an input sequence (steps, batch, inputs), starting from the initial state and cell state
-    /// (batch, hidden), or from 0. Calls `record` with the index of each step and the state after it.
+    /// Runs over an input sequence (steps, batch, inputs). `initial` contains the initial state and the
+    /// initial cell state (batch, hidden); `None` starts from 0. Calls `record` with the index of each step
+    /// and the state after it.
     pub fn run(
         &mut self,
         (arch, sequence): (Arch, Sequence),

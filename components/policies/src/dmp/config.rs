@@ -52,7 +52,7 @@ pub struct DmpPolicyConfig {
     /// Points that the movement avoids. Default: none.
     #[serde(default)]
     pub obstacles: Option<ObstaclesConfig>,
-    /// Compliance, like a mass, with the force of the input `wrench`. Default: not used.
+    /// Compliance with the force of the input `wrench`: the movement yields like a mass. Default: not used.
     #[serde(default)]
     pub yielding: Option<YieldingConfig>,
 }
@@ -108,7 +108,7 @@ pub struct GoalConfig {
     #[serde(default)]
     pub gripper: Option<Gripper>,
     /// Duration of the movement, at least 1 ms, such as "2 s". Default: the duration of a demonstration; for
-    /// a gripper alone, the time that its fingers need for their whole range. Otherwise required.
+    /// a gripper alone, the time that the fingers need for their whole range. Otherwise required.
     #[serde(default)]
     pub duration: Option<TimeSpan>,
     /// Time to stay at the goal, such as "500 ms". Default 0.
@@ -148,8 +148,8 @@ pub struct WeightsConfig {
     /// Number of kernels for each dimension, 2 to 1000; the path is straight until weights arrive.
     /// Alternative to `file`. Default 30.
     pub kernels: Option<usize>,
-    /// Path of a primitive written by `motorium primitive fit`, relative to the graph file. It is used until
-    /// weights arrive.
+    /// Path of a primitive written by `motorium primitive fit`, relative to the graph file. This primitive is
+    /// used until weights arrive.
     #[schemars(extend("format" = "path"))]
     pub file: Option<String>,
 }
@@ -210,13 +210,14 @@ pub struct ObstaclesConfig {
     pub reach: f64,
 }
 
-/// Compliance with a force, like a mass.
+/// Compliance with a force: the movement yields like a mass.
 #[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct YieldingConfig {
     /// Apparent mass, kg.
     pub inertia: f64,
-    /// Force along each axis up to which a force is ignored, such as the noise of the sensor, N. Default 0.
+    /// Magnitude along each axis up to which a force is ignored, for example to reject sensor noise, N.
+    /// Default 0.
     #[serde(default)]
     pub deadband: f64,
 }

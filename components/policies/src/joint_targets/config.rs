@@ -98,7 +98,7 @@ pub enum WhenStale {
 pub struct ChunksConfig {
     /// Time for which the previous chunk remains in effect after a new one arrives. Default 0.
     pub frozen: TimeSpan,
-    /// Duration of the blend into the new chunk, which follows. Default "100 ms".
+    /// Duration of the blend into the new chunk, which starts after the time `frozen`. Default "100 ms".
     pub blend: TimeSpan,
 }
 

@@ -87,7 +87,7 @@ pub struct EndEffectorConfig {
     /// Distance from the centre of one movement to the centre of the next, along the first axis, m.
     #[serde(default)]
     pub pitch: f64,
-    /// Distance of the end effector from the plane between movements, m.
+    /// Distance by which the end effector is lifted off the plane between two movements, m.
     #[serde(default = "lift")]
     pub lift: f64,
 }

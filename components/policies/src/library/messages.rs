@@ -30,7 +30,8 @@ motorium::state_buffer! {
         pub movement: u64,
         /// Label of the nearest movement (or its id, if it has no label) in UTF-8, padded with 0.
         pub label: [u8; 32],
-        /// Distance between the weights and the weights of the nearest movement, relative to their norm.
+        /// Distance between the weights of the recognised movement and of the nearest movement, relative to
+        /// the norm of `weights`.
         pub distance: f64,
         /// Fraction of the movement that the eigenforces do not explain, 0 to 1.
         pub novelty: f64,

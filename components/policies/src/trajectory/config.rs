@@ -72,8 +72,8 @@ pub struct HomeConfig {
     pub profile: Shape,
     /// Limits of the motion.
     pub limits: MotionLimitsConfig,
-    /// Maximum distance of every measured joint from the pose at which it counts as reached, rad or m.
-    /// Default 0.01.
+    /// The pose counts as reached if no measured joint is farther than this from the joint's position in the
+    /// pose, rad or m. Default 0.01.
     pub tolerance: f64,
     /// Gravity in the world frame, m/s^2. Default: gravity of the graph's world, or 9.81 downwards.
     pub gravity: [f64; 3],

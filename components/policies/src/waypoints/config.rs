@@ -49,10 +49,10 @@ pub struct WaypointsConfig {
     /// Distance within which a base that cannot move sideways returns to its line, m. Default 0.1.
     #[serde(default = "tenth")]
     pub length: f64,
-    /// Maximum distance from a goal at which it counts as reached, m. Default 0.02.
+    /// Maximum distance from a goal at which the goal counts as reached, m. Default 0.02.
     #[serde(default = "two_hundredths")]
     pub position_tolerance: f64,
-    /// Maximum angle from a goal at which it counts as reached, rad. Default 0.0175, which is 1 degree.
+    /// Maximum angle from a goal at which the goal counts as reached, rad. Default 0.0175, which is 1 degree.
     #[serde(default = "degree")]
     pub yaw_tolerance: f64,
     /// Maximum delay at a goal, after which the goal counts as missed and the next goal starts. Default 2 s.

@@ -1,6 +1,7 @@
 //! Entrainment of a phase by a measured one.
 
-/// Pulls an oscillator towards a measured phase: `pull = gain sin(phi_measured + lead - phi)` (Adler 1946).
+/// A law that pulls an oscillator towards a measured phase: `pull = gain sin(phi_measured + lead - phi)`
+/// (Adler 1946).
 ///
 /// The oscillator locks when the two angular velocities differ by less than `gain`. The remaining phase
 /// difference is `asin((omega_measured - omega) / gain)`.
@@ -19,8 +20,8 @@ impl Entrainment {
         self.gain * (measured + self.lead - phase).sin()
     }
 
-    /// Computes the phase, rad, of a joint that swings as `centre + a cos(phi)`, from its measured position
-    /// and velocity. `omega` is the angular velocity of the swing, rad/s.
+    /// Computes the phase, rad, of a joint that swings as `centre + a cos(phi)`, from the joint's measured
+    /// position and velocity. `omega` is the angular velocity of the swing, rad/s.
     pub fn measured_phase(position: f64, velocity: f64, centre: f64, omega: f64) -> f64 {
         (-velocity / omega).atan2(position - centre)
     }

@@ -93,8 +93,8 @@ impl Gait {
         })
     }
 
-    /// Returns the usual fraction of the stride that a leg spends in stance. It exceeds one half for gaits
-    /// without a flight phase.
+    /// Returns the usual fraction of the stride that a leg spends in stance. The fraction exceeds one half
+    /// for gaits without a flight phase.
     pub fn duty_factor(self, legs: usize) -> f64 {
         match (self, legs) {
             (Self::Walk, 2) => 0.6,

@@ -2,7 +2,7 @@
 
 use std::f64::consts::{PI, TAU};
 
-/// Desired phase lead of one oscillator over another.
+/// Desired phase lag of one oscillator (`follower`) behind another (`leader`).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lag {
     /// Index of the lagging oscillator.

@@ -30,9 +30,9 @@ impl MatsuokaSettings {
         1.0 + self.fatigue > w && w > 1.0 + self.rise_time / self.fatigue_time
     }
 
-    /// Returns the approximate frequency of such a pair, Hz, by harmonic balance (Matsuoka 2011):
-    /// `sqrt(((tau_1 + tau_2) beta - tau_1 w) / (tau_1 w)) / (2 pi tau_2)`. Returns `None` if the equation
-    /// has no solution.
+    /// Returns the approximate frequency, Hz, of two neurons that inhibit each other with weight `w`, by
+    /// harmonic balance (Matsuoka 2011): `sqrt(((tau_1 + tau_2) beta - tau_1 w) / (tau_1 w)) / (2 pi tau_2)`.
+    /// Returns `None` if the equation has no solution.
     pub fn pair_frequency(&self, w: f64) -> Option<f64> {
         let Self { rise_time, fatigue_time, fatigue, .. } = *self;
         let squared = ((rise_time + fatigue_time) * fatigue - rise_time * w) / (rise_time * w);

@@ -119,9 +119,10 @@ impl PhaseNetwork {
         Ok(network)
     }
 
-    /// Creates a network with one node per leg. Every leg is coupled to every other leg with
-    /// `weight / (A (n - 1))`. A deviation from the gait then decays at about `weight` (1/s), independently of
-    /// the number of legs and their amplitude.
+    /// Creates a network with one node per leg. Every leg acts on every other leg with
+    /// `weight / (A (n - 1))`, with the amplitude `A` of the acting leg and the number of legs `n`. A
+    /// deviation from the gait then decays at about `weight` (1/s), independently of the number of legs and
+    /// their amplitude.
     ///
     /// # Errors
     /// [`CpgError`] if the gait is not defined for this number of legs, or a number is out of range.
@@ -136,8 +137,9 @@ impl PhaseNetwork {
         Self::new(&nodes, weights, NetworkSettings::default())
     }
 
-    /// Returns weights that couple every node with every other node, `weight / (A_j (n - 1))`. A node of zero
-    /// amplitude acts on no other node.
+    /// Returns weights that couple all of the `n` nodes with each other: node `j`, with the amplitude `A_j`,
+    /// acts on every other node with `weight / (A_j (n - 1))`. A node of zero amplitude acts on no other
+    /// node.
     pub fn all_to_all(nodes: &[Node], weight: f64) -> DMatrix<f64> {
         let n = nodes.len();
         DMatrix::from_fn(n, n, |i, j| {
@@ -288,7 +290,8 @@ impl PhaseNetwork {
         &self.theta_now
     }
 
-    /// Returns the largest deviation of a node's phase, relative to the first node, from the pattern, rad.
+    /// Returns the largest deviation of a node from the pattern, rad. Phases are relative to the phase of the
+    /// first node.
     pub fn pattern_error(&self) -> f64 {
         self.commands.pattern_error(&self.phases.phase)
     }

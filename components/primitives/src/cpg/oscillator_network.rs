@@ -79,8 +79,8 @@ pub struct OscillatorNetwork {
 }
 
 impl OscillatorNetwork {
-    /// Creates a network of this oscillator model, with these joints and the phase of every leg in the gait,
-    /// rad. The oscillators start in the gait.
+    /// Creates a network of oscillators of this model for the joints in `oscillations`. `gait` contains the
+    /// phase of every leg in the gait, rad. The oscillators start in the gait.
     ///
     /// # Errors
     /// [`CpgError`] if a leg does not exist, a number is out of range, or the neurons do not oscillate.
@@ -208,8 +208,8 @@ impl OscillatorNetwork {
         Ok(())
     }
 
-    /// Moves every oscillator to a given phase of its cycle immediately, rad: one phase per leg (Matsuoka:
-    /// one per joint). This makes the output discontinuous.
+    /// Moves every oscillator immediately to a given phase of the oscillator's cycle. `phases` contains one
+    /// phase per leg (Matsuoka: one per joint), rad. This makes the output discontinuous.
     ///
     /// # Errors
     /// [`CpgError`] if the length is wrong, or a number is not finite.
@@ -228,8 +228,8 @@ impl OscillatorNetwork {
     }
 
     /// Advances like [`step`](Self::step), with `pull[i]` (rad/s) for each joint; see [`pull`](Self::pull).
-    /// The mean over an oscillator's joints is added to its angular velocity. An empty slice means no
-    /// entrainment.
+    /// The mean over the joints of an oscillator is added to the oscillator's angular velocity. An empty
+    /// slice means no entrainment.
     pub fn step_entrained(&mut self, dt: f64, pull: &[f64]) {
         if dt.is_nan() || dt <= 0.0 {
             return;
@@ -269,9 +269,9 @@ impl OscillatorNetwork {
         self.write();
     }
 
-    /// Returns the entrainment of a joint, rad/s, from its measured `position` and `velocity` (per second).
-    /// The result is `gain sin(difference)` of the measured and the commanded phase, both treated as
-    /// harmonic. It is zero if the frequency is zero.
+    /// Returns the entrainment of a joint, rad/s, from the joint's measured `position` and `velocity` (per
+    /// second). The result is `gain sin(difference)` of the measured and the commanded phase, both treated as
+    /// harmonic. The result is zero if the frequency is zero.
     pub fn pull(&self, joint: usize, position: f64, velocity: f64, gain: f64) -> f64 {
         let omega = TAU * self.commands.frequency.state.0;
         if omega <= 0.0 || joint >= self.joints() {
@@ -298,8 +298,8 @@ impl OscillatorNetwork {
         &self.phases
     }
 
-    /// Returns the largest deviation of an oscillator's phase, relative to the first oscillator, from the
-    /// gait, rad.
+    /// Returns the largest deviation of an oscillator from the gait, rad. Phases are relative to the phase of
+    /// the first oscillator.
     pub fn gait_error(&self) -> f64 {
         self.commands.pattern_error(&self.phases)
     }

@@ -2,9 +2,9 @@
 
 /// Coupling terms of one step. [`Default`] means no coupling.
 ///
-/// The primitive then obeys `T^2 y'' = ... + T^2 C` and `T p' = phase_rate`. `C` pushes the motion off its
-/// path; a phase rate below 1 slows its clock. The effect of `C` decays with the spring once `C` returns to
-/// zero, and the clock resumes where it stopped.
+/// The primitive then obeys `T^2 y'' = ... + T^2 C` and `T p' = phase_rate`. `C` pushes the motion off the
+/// path; a phase rate below 1 slows the clock of the motion. The effect of `C` decays with the spring once
+/// `C` returns to zero, and the clock resumes where it stopped.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Coupling<'a> {
     /// Acceleration `C` in every dimension, unit of y per second squared; empty for none. Sources include
@@ -40,8 +40,8 @@ pub enum PhaseStop {
 }
 
 impl PhaseStop {
-    /// Returns the phase rate, in (0, 1], for a distance between robot and primitive. A NaN error stops the
-    /// phase (rate 0).
+    /// Returns the phase rate, in (0, 1], for a tracking error: the distance between robot and primitive. If
+    /// `error` is NaN, the phase stops (rate 0).
     pub fn rate(self, error: f64) -> f64 {
         let brake = match self {
             Self::Quadratic { gain } => gain * error * error,
@@ -62,8 +62,8 @@ impl PhaseStop {
 pub struct Yielding {
     /// Mass `m`, in the unit of force per unit of acceleration (kg for N and m), above 0.
     pub inertia: f64,
-    /// Force magnitude per dimension up to which a force is ignored, such as sensor noise. Only the excess
-    /// acts, so the response is continuous.
+    /// Magnitude, in each dimension, up to which a force is ignored, for example to reject sensor noise. Only
+    /// the excess acts, so the response is continuous.
     pub deadband: f64,
 }
 

@@ -163,12 +163,12 @@ impl Demonstration {
         &self.accelerations
     }
 
-    /// Returns the first position of a dimension.
+    /// Returns the start of the movement in a dimension: the first position.
     pub fn start(&self, dimension: usize) -> f64 {
         self.positions[(0, dimension)]
     }
 
-    /// Returns the last position of a dimension.
+    /// Returns the goal of the movement in a dimension: the last position.
     pub fn goal(&self, dimension: usize) -> f64 {
         self.positions[(self.samples() - 1, dimension)]
     }

@@ -13,14 +13,14 @@ use super::settings::{ModelError, Scaling, Settings, Variant};
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Regression {
     /// Least squares on the forcing term with the penalty `lambda |w|^2`, over all kernels together. The
-    /// default, with `lambda = 1e-12`. For the same number of kernels it fits far more closely than locally
-    /// weighted regression.
+    /// default, with `lambda = 1e-12`. For the same number of kernels, ridge regression fits far more closely
+    /// than locally weighted regression.
     Ridge {
         /// Penalty, at least 0.
         lambda: f64,
     },
-    /// Separate fit of each kernel: `w_i = sum psi_i g f / sum psi_i g^2`, with the gate `g` (Ijspeert et al.
-    /// 2013).
+    /// Separate fit of each kernel: `w_i = sum psi_i g f / sum psi_i g^2`, with the gate `g` and the forcing
+    /// term `f` (Ijspeert et al. 2013).
     LocallyWeighted,
     /// Least squares on the *position* through the response of the spring to every kernel, with the penalty
     /// `lambda |w|^2`. This method uses no derivatives inside the movement and therefore suits noisy

@@ -7,8 +7,8 @@ use super::exponential::exp_of_negative;
 /// Decay of the forcing term towards the end of the movement.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Gate {
-    /// `gate = s`. It is never exactly zero: a fraction `exp(-decay)` of the initial value remains at the
-    /// nominal end (Ijspeert 2013).
+    /// `gate = s`. The gate is never exactly zero: a fraction `exp(-decay)` of the initial value remains at
+    /// the nominal end (Ijspeert 2013).
     Phase,
     /// `gate = (s - s(1)) / (1 - s(1))` until the nominal end, and zero afterwards.
     Finite,

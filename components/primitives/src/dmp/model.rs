@@ -9,7 +9,7 @@ use super::settings::{ModelError, Settings, Variant};
 use super::spring::CriticalSpring;
 use crate::ValueError;
 
-/// A discrete primitive without its run-time state. It does not change during a movement.
+/// A discrete primitive without run-time state. The model does not change during a movement.
 ///
 /// Weights are in the unit of the movement: the forcing term is an acceleration in normalised time (unit of y
 /// per duration squared), or a displacement (unit of y) for [`Variant::GoalSafe`]. The weights do not depend
@@ -38,8 +38,8 @@ impl DmpModel {
         )
     }
 
-    /// Creates a primitive from weights (kernels x dimensions) and the displacement `g - y0` for which they
-    /// were learned.
+    /// Creates a primitive from weights (kernels x dimensions) and the displacement `g - y0` for which the
+    /// weights were learned.
     ///
     /// # Errors
     /// [`ModelError`] if a setting is out of range, sizes do not match, or a number is not finite.
@@ -96,7 +96,8 @@ impl DmpModel {
         &self.weights
     }
 
-    /// Returns the weights (kernels x dimensions) for writing, for learners. Their number is fixed.
+    /// Returns the weights (kernels x dimensions), so that learners can change them. The number of weights is
+    /// fixed.
     pub fn weights_mut(&mut self) -> nalgebra::DMatrixViewMut<'_, f64> {
         self.weights.as_view_mut()
     }

@@ -13,9 +13,9 @@ use crate::ValueError;
 /// An orientation primitive, after Ude et al. 2014 in the corrected form of Koutras and Doulgeri 2019.
 ///
 /// The state is the error `e = 2 log(g * conj(q))` (rad, three entries), not the angular velocity. The system
-/// in `e` is linear, so scaling of time and goal does not distort the path. It is a [`DiscreteDmp`] of three
-/// dimensions from `e(0) = 2 log(g * conj(q0))` to `0`. The orientation is `q = exp(-e / 2) * g`; angular
-/// velocity and acceleration follow exactly from `e'` and `e''`.
+/// in `e` is linear, so scaling of time and goal does not distort the path. The system is a [`DiscreteDmp`]
+/// of three dimensions from `e(0) = 2 log(g * conj(q0))` to `0`. The orientation is `q = exp(-e / 2) * g`;
+/// angular velocity and acceleration follow exactly from `e'` and `e''`.
 ///
 /// The movement follows the shorter of the two rotations. The quaternion has unit length and keeps its sign
 /// during a movement.
@@ -30,7 +30,8 @@ pub struct OrientationDmp {
 }
 
 impl OrientationDmp {
-    /// Creates a primitive from a model of three dimensions. It rests at the identity until started.
+    /// Creates a primitive from a model of three dimensions. Until started, the primitive rests at the
+    /// identity.
     ///
     /// # Errors
     /// [`ModelError`] if the model does not have three dimensions.

@@ -176,7 +176,7 @@ impl SampledDmp {
     }
 
     /// Starts a movement from `start` to `goal`, to arrive after `duration` seconds. The initial velocity is
-    /// the demonstration's, stretched to the duration.
+    /// the velocity of the demonstration, scaled to the duration.
     ///
     /// # Errors
     /// [`MoveError`] if a length is wrong, a number is not finite, or the duration is not positive.

@@ -63,8 +63,9 @@ pub enum Scaling {
     Fixed,
     /// Scaling of each dimension by `(g - y0) / (g - y0 of the demonstration)`, at most `limit` in magnitude.
     ///
-    /// A dimension in which the demonstration ends at its start keeps its forcing term. A model without a
-    /// demonstration has a displacement of 1, which gives the factor `(g - y0)` of Ijspeert 2013.
+    /// If the demonstration ends at its start in a dimension, the forcing term of this dimension is not
+    /// scaled. A model without a demonstration has a displacement of 1, which gives the factor `(g - y0)` of
+    /// Ijspeert 2013.
     Displacement {
         /// Maximum magnitude of the factor, at least 1.
         limit: f64,

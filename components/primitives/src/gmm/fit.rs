@@ -17,7 +17,7 @@ pub struct GmmFit {
     /// Variance added to every covariance in every direction, relative to the mean variance of the data, so
     /// that no component collapses onto a sample. Default 1e-5.
     pub floor: f64,
-    /// Number of restarts; the best fit is kept. Default 3.
+    /// Number of random starts; the best fit is kept. Default 3.
     pub starts: usize,
     /// Seed of the random starts. Default 0.
     pub seed: u64,

@@ -121,7 +121,7 @@ impl Gmm {
         &self.covariances
     }
 
-    /// Returns the log-likelihood of samples (each a row), summed.
+    /// Returns the log-likelihood, summed over the samples (each a row).
     ///
     /// # Errors
     /// [`GmmError`] if the samples have another dimension, or a covariance is no longer positive definite.

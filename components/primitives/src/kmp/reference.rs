@@ -84,7 +84,8 @@ impl KmpReference {
         &self.points
     }
 
-    /// Adds a via point. It replaces an existing point whose input is closer than `within`.
+    /// Inserts a via point. If the input of an existing point is closer than `within`, the via point replaces
+    /// this point.
     ///
     /// # Errors
     /// [`KmpError`] if sizes differ, or the covariance is not positive definite.

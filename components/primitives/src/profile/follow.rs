@@ -9,9 +9,10 @@ const APPROACH: f64 = 0.5;
 /// Setpoints of several joints that follow targets with step changes. Velocity, acceleration and position
 /// stay within limits at every step.
 ///
-/// Each joint moves at the velocity of its target plus the maximum velocity from which it can brake within
-/// the remaining distance: `v^2 / 2a + v dt / 2 <= d`, with half of its acceleration and in steps of constant
-/// velocity. The jerk is not limited. Only [`new`](Self::new) allocates.
+/// Each joint moves at the velocity of its target plus an approach velocity `v`. The latter is the largest
+/// velocity from which the joint can brake within the remaining distance `d`, in steps of constant velocity:
+/// `v^2 / 2a + v dt / 2 <= d`, where `a` is half of the maximum acceleration. The jerk is not limited. Only
+/// [`new`](Self::new) allocates.
 ///
 /// ```
 /// use motorium_primitives::profile::{Follower, MotionLimits};

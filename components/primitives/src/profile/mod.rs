@@ -106,7 +106,7 @@ impl Profile {
         Self { distance: 0.0, duration: 0.0, kind: Kind::Quintic }
     }
 
-    /// Returns the same motion, stretched to `duration` \[s\] if it is shorter.
+    /// Returns the same motion, taking at least `duration` \[s\]: a shorter motion is stretched.
     #[must_use]
     pub fn taking(self, duration: f64) -> Self {
         if duration <= self.duration {

@@ -83,8 +83,8 @@ impl Stop {
         self.duration
     }
 
-    /// Returns the distance from the start, velocity and acceleration at a time \[s\]. The motion is at rest
-    /// after the end.
+    /// Returns the distance from the start, the velocity and the acceleration at a time \[s\]. The motion is
+    /// at rest after the end.
     pub fn sample(&self, time: f64) -> Jet {
         if time >= self.duration {
             return Jet { value: self.distance, ..Jet::default() };

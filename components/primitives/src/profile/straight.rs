@@ -88,8 +88,8 @@ impl StraightMove {
         }
     }
 
-    /// Plans the motion between two points. It lasts `duration` \[s\], or the shortest duration within the
-    /// limits if that is longer.
+    /// Plans the motion between two points. The motion lasts `duration` \[s\] or, if longer, the shortest
+    /// duration within the limits.
     pub fn plan(&mut self, from: &[f64], to: &[f64], shape: Shape, duration: Option<f64>) {
         self.from.copy_from_slice(from);
         self.way.iter_mut().zip(from.iter().zip(to)).for_each(|(way, (from, to))| *way = to - from);
@@ -107,8 +107,9 @@ impl StraightMove {
         });
     }
 
-    /// Replaces the motion after `time` \[s\] by the fastest stop on its line, which ends before the motion
-    /// would have ended. Times of the stop count from `time`.
+    /// From `time` \[s\] on, replaces the motion by the fastest stop along the same line. The stop ends
+    /// before the motion would have ended. Afterwards, [`duration`](Self::duration) and
+    /// [`sample`](Self::sample) count from `time`.
     pub fn brake(&mut self, time: f64) {
         let jet = self.along.sample(time);
         let limits = self.limits_on(self.way.iter().copied());

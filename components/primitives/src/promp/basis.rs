@@ -38,7 +38,7 @@ impl ProMpBasis {
         Ok(basis)
     }
 
-    /// Creates von Mises functions with the width of the same number of Gaussians with an overlap of 0.7.
+    /// Creates `count` von Mises functions that are as wide as `count` Gaussians with an overlap of 0.7.
     ///
     /// # Errors
     /// [`ProMpError`] if there are fewer than three functions.

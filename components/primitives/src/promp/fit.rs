@@ -18,7 +18,7 @@ pub enum Learning {
     Em {
         /// Maximum number of iterations.
         iterations: usize,
-        /// Relative change of the mean below which the fit ends, as a fraction of its norm.
+        /// Change of the mean of the weights below which the fit ends, as a fraction of the norm of the mean.
         tolerance: f64,
     },
     /// Ridge regression of each demonstration, followed by mean and covariance of the weights.
@@ -33,8 +33,9 @@ pub enum Learning {
 pub struct ProMpFit {
     /// Estimator of the weight distribution. Default: EM with at most 200 iterations and a tolerance of 1e-5.
     pub learning: Learning,
-    /// Value added to the diagonal of the covariance, relative to its mean variance. It makes the covariance
-    /// invertible with fewer demonstrations than weights. Default 1e-6.
+    /// Value added to the diagonal of the covariance of the weights, relative to the mean of the diagonal.
+    /// The jitter makes the covariance invertible if there are fewer demonstrations than weights. Default
+    /// 1e-6.
     pub jitter: f64,
     /// Strength `k` of the prior that dimensions vary independently, as an equivalent number of
     /// demonstrations, at least 0. From `n` demonstrations with the covariance `S`, the fit estimates `(n S +

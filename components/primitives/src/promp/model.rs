@@ -30,7 +30,7 @@ pub struct StoredProMp {
     pub dimensions: usize,
     /// Duration of a demonstration, s.
     pub duration: f64,
-    /// Variance of a sample about the movement.
+    /// Noise of the demonstrations: variance of recorded positions about the movement.
     pub noise: f64,
     /// Mean of the weights, ordered by dimension.
     pub mean: Vec<f64>,
@@ -108,7 +108,8 @@ impl ProMp {
         &self.covariance
     }
 
-    /// Returns the learned variance of a sample about its movement.
+    /// Returns the noise of the demonstrations, as estimated by the fit: the variance of recorded positions
+    /// about the movement. It is 0 for a primitive from [`from_weights`](Self::from_weights).
     pub fn noise(&self) -> f64 {
         self.noise
     }
@@ -145,13 +146,14 @@ impl ProMp {
         self.project(Observed::Velocity, phase, &self.mean)
     }
 
-    /// Returns the covariance of the position at a phase, without the noise of a sample.
+    /// Returns the covariance of the position at a phase, without [`noise`](Self::noise).
     pub fn covariance_at(&self, phase: f64) -> DMatrix<f64> {
         let (_, covariance) = self.observation_model(Observed::Position, phase);
         covariance
     }
 
-    /// Returns the distance of a position from the mean at a phase, in standard deviations of each dimension.
+    /// Returns the deviation of a position from the mean at a phase in each dimension, in standard
+    /// deviations.
     pub fn deviations_from_mean(&self, phase: f64, position: &[f64]) -> Vec<f64> {
         let (mean, covariance) = (self.mean_at(phase), self.covariance_at(phase));
         let distance =
@@ -164,11 +166,11 @@ impl ProMp {
         self.project(Observed::Position, phase, weights)
     }
 
-    /// Samples weights from the distribution, using one independent standard normal number per weight.
+    /// Returns a sample of the weights. `normal` contains the random numbers from which it is computed: one
+    /// independent standard normal number per weight.
     ///
     /// # Errors
-    /// [`ProMpError`] if the number of normal numbers is wrong, or the covariance is no longer positive
-    /// definite.
+    /// [`ProMpError`] if `normal` has the wrong length, or the covariance is no longer positive definite.
     pub fn sample_weights(&self, normal: &DVector<f64>) -> Result<DVector<f64>, ProMpError> {
         if normal.len() != self.mean.len() {
             let (found, expected) = (normal.len(), self.mean.len());
@@ -198,8 +200,8 @@ impl ProMp {
         self.conditioned_on(Observed::Position, phase, place, noise)
     }
 
-    /// Returns the conditioned primitive like [`conditioned`](Self::conditioned), for a position or a
-    /// velocity.
+    /// Returns the primitive conditioned so that its position or velocity (`observed`) is `value` at `phase`,
+    /// with the covariance `noise`. [`conditioned`](Self::conditioned) is the special case of a position.
     ///
     /// # Errors
     /// Same as [`conditioned`](Self::conditioned).

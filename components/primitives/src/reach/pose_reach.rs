@@ -161,7 +161,8 @@ impl PoseReach {
     }
 
     /// Sets the target speed factor: 1 is nominal speed, 0 holds the current position. The factor stretches
-    /// movements and dwells alike. It changes at a rate of at most [`SPEED_SLEW`](super::SPEED_SLEW).
+    /// movements and dwells alike. The current factor approaches the target at a rate of at most
+    /// [`SPEED_SLEW`](super::SPEED_SLEW).
     ///
     /// # Errors
     /// [`SteerError`] if the factor is negative or not finite.
@@ -201,8 +202,8 @@ impl PoseReach {
     }
 
     /// Pushes the position off its path by an acceleration \[m/s2\] until the next call. The acceleration may
-    /// come from an obstacle or a force ([`Coupling::acceleration`](crate::dmp::Coupling)). Its effect decays
-    /// with the spring of the primitive. A non-finite value is ignored.
+    /// come from an obstacle or a force ([`Coupling::acceleration`](crate::dmp::Coupling)). The effect of the
+    /// acceleration decays with the spring of the primitive. A non-finite value is ignored.
     pub fn push(&mut self, acceleration: Vector3<f64>) {
         let is_finite = acceleration.iter().all(|part| part.is_finite());
         self.push = if is_finite { acceleration } else { Vector3::zeros() };
@@ -281,7 +282,7 @@ impl PoseReach {
         self.goal
     }
 
-    /// Returns the number of goals started so far.
+    /// Returns the number of goals set so far: one for each start of a segment and each redirection.
     pub fn goals_set(&self) -> u64 {
         self.goals_set
     }

@@ -18,8 +18,8 @@ pub enum PathShape {
         /// Deviation at the midpoint in world axes, m; each component at most [`MAX_APEX`].
         apex: Vector3<f64>,
     },
-    /// A learned primitive of three dimensions. It must be a [`Variant::QuinticGoal`], which starts smoothly
-    /// and arrives on time.
+    /// A learned primitive of three dimensions, with the variant [`Variant::QuinticGoal`], which starts
+    /// smoothly and arrives on time.
     Learned(Box<DmpModel>),
 }
 

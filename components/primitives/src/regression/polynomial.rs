@@ -168,7 +168,8 @@ impl PolynomialPolicy {
         &self.weights
     }
 
-    /// Returns the weights (monomials x outputs) for writing, for learners. Their number is fixed.
+    /// Returns the weights (monomials x outputs), so that learners can change them. The number of weights is
+    /// fixed.
     pub fn weights_mut(&mut self) -> nalgebra::DMatrixViewMut<'_, f64> {
         self.weights.as_view_mut()
     }

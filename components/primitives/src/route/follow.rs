@@ -35,8 +35,8 @@ enum Stage {
 }
 
 impl Route {
-    /// Creates a route through `stops`, which begins with the first call of [`step`](Self::step). Without
-    /// stops the route is finished immediately.
+    /// Creates a route through `stops`. The route begins with the first call of [`step`](Self::step). Without
+    /// stops, the route is finished immediately.
     pub fn new(stops: Vec<Stop>, settings: RouteSettings) -> Self {
         let stage = if stops.is_empty() { Stage::Finished } else { Stage::Setting };
         Self {
@@ -57,7 +57,8 @@ impl Route {
         self.current
     }
 
-    /// Returns `true` if the base has reached the last stop and its dwell time is over.
+    /// Returns `true` if the route is finished: the base has reached the last stop, and the dwell time is
+    /// over.
     pub fn is_finished(&self) -> bool {
         self.stage == Stage::Finished
     }

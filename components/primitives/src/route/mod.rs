@@ -77,8 +77,8 @@ pub struct RouteSettings {
     pub turn_gain: f64,
     /// Distance within which a base that cannot move sideways returns to its line \[m\].
     pub length: f64,
-    /// Tolerances of position \[m\] and angle \[rad\]. A stage ends once its profile has ended and the base
-    /// is within both.
+    /// Tolerances of position \[m\] and angle \[rad\]. A stage of the route ends once its motion profile has
+    /// ended and the base is within both tolerances.
     pub arrival: [f64; 2],
     /// Maximum time that a stage waits for the tolerances after its profile has ended \[s\]. The route then
     /// continues in any case.
@@ -109,13 +109,13 @@ impl Default for RouteSettings {
 pub struct RouteStep {
     /// Commanded velocity in the axes of the base.
     pub command: Place,
-    /// Desired pose of the stop that the base is about to leave, or of the last stop; `None` otherwise.
+    /// Desired pose of the stop whose dwell time ended in this step; `None` in all other steps.
     pub stopped: Option<Place>,
-    /// Distance of the base from its straight line \[m\].
+    /// Distance of the base from the straight line to the stop \[m\]; `None` unless the base is driving.
     pub beside: Option<f64>,
 }
 
-/// Returns the difference of two angles, in the range -pi to pi \[rad\].
+/// Returns the turn from the angle `from` to the angle `to` in the shorter direction, -pi to pi \[rad\].
 pub fn turn_between(from: f64, to: f64) -> f64 {
     let turn = (to - from).rem_euclid(std::f64::consts::TAU);
     if turn > std::f64::consts::PI { turn - std::f64::consts::TAU } else { turn }

@@ -188,7 +188,7 @@ impl BayesianOptimisation {
     ///
     /// # Errors
     ///
-    /// [`StartError`] if the number of flags is wrong, or the bounds of such a parameter contain no whole
+    /// [`StartError`] if the number of flags is wrong, or the bounds of a flagged parameter contain no whole
     /// number.
     pub fn with_whole_numbers(mut self, whole: Vec<bool>) -> Result<Self, StartError> {
         let expected = self.bounds.len();
@@ -207,7 +207,7 @@ impl BayesianOptimisation {
     }
 
     /// Restricts candidates to parameters for which `feasible` returns `true`. The constraint is not part of
-    /// saved states. If none of the sampled points satisfies it, [`ask`](Search::ask) returns no candidate.
+    /// saved states. If no sampled point is feasible, [`ask`](Search::ask) returns no candidate.
     #[must_use]
     pub fn with_constraint(mut self, feasible: impl Fn(&[f64]) -> bool + Send + Sync + 'static) -> Self {
         self.feasible = Some(Arc::new(feasible));

@@ -47,7 +47,7 @@ pub struct Descriptors {
     pub observations: Vec<(String, Vec<ObservationDescriptor>)>,
     /// Articulated bodies of the scene.
     pub articulations: Vec<Articulation>,
-    /// Position in the file of the times of the scene.
+    /// Position of the scene's time settings in the file.
     pub scene: Mark,
     /// Period of the policy \[s\].
     pub period: f64,
@@ -60,7 +60,7 @@ pub struct Descriptors {
 /// An action term.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ActionDescriptor {
-    /// Position in the file of the class.
+    /// Position of the term's class in the file.
     pub mark: Mark,
     /// Full name of the term's class.
     pub class: String,
@@ -77,7 +77,7 @@ pub struct ActionDescriptor {
 /// An observation term.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ObservationDescriptor {
-    /// Position in the file of the function.
+    /// Position of the term's function in the file.
     pub mark: Mark,
     /// Full name of the term's function.
     pub function: String,
@@ -119,13 +119,13 @@ pub struct Articulation {
 /// Description of the robot and the rate in an `env.yaml`.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Environment {
-    /// Position in the file of `decimation`.
+    /// Position of `decimation` in the file.
     pub mark: Mark,
     /// Number of simulation steps per period of the policy.
     pub decimation: usize,
     /// Time step of the simulation \[s\].
     pub time_step: f64,
-    /// Position in the file of the default pose.
+    /// Position of the default pose in the file.
     pub pose: Mark,
     /// Default positions \[rad or m\] by patterns of joint names. Joints that match no pattern have the
     /// default position 0.
@@ -139,7 +139,7 @@ pub struct Environment {
 /// A group of joints with the same kind of drive.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Actuator {
-    /// Position in the file of the joint patterns.
+    /// Position of the joint patterns in the file.
     pub mark: Mark,
     /// Name of the group.
     pub name: String,

@@ -56,11 +56,12 @@ const TOLERANCE: f32 = 1e-3;
 pub struct Bundle {
     /// Networks of the bundle.
     pub models: Vec<BundleModel>,
-    /// Position in the file of `pipeline`.
+    /// Position of `pipeline` in the file.
     pub pipeline: Mark,
-    /// Outputs, as `model/output`, each with the inputs to which it is fed back for the next run.
+    /// Outputs that are fed back to inputs for the next run: the name of each output, as `model/output`, with
+    /// the names of the inputs.
     pub feedback: Vec<(String, Vec<String>)>,
-    /// Path of the file with the initial values of these inputs.
+    /// Path of the file with the initial values of the inputs in `feedback`.
     pub initial_values: Option<String>,
     /// Rate of the policy \[Hz\].
     pub frequency: Option<f64>,
@@ -69,7 +70,7 @@ pub struct Bundle {
 /// A network of a bundle.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct BundleModel {
-    /// Position in the file of the backend.
+    /// Position of the backend in the file.
     pub mark: Mark,
     /// Name of the network.
     pub name: String,
@@ -88,7 +89,7 @@ pub struct BundleModel {
 /// An input or an output of a network of a bundle.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct BundlePort {
-    /// Position in the file of the name.
+    /// Position of the name in the file.
     pub mark: Mark,
     /// Name of the tensor.
     pub name: String,
@@ -158,7 +159,7 @@ impl Bundle {
         Ok(model)
     }
 
-    /// Returns the joints commanded by the network, in the order of its action.
+    /// Returns the joints commanded by the network, in the order of the action.
     ///
     /// # Errors
     ///

@@ -53,7 +53,7 @@ pub struct DiscreteDmp {
 pub const REPLANNING_TIME: f64 = 0.5;
 
 impl DiscreteDmp {
-    /// Creates a primitive at rest at zero. It moves after [`start`](Self::start).
+    /// Creates a primitive at rest at zero. Call [`start`](Self::start) to start a movement.
     pub fn new(model: DmpModel) -> Self {
         let dimensions = model.dimensions();
         let zeros = vec![0.0; dimensions];

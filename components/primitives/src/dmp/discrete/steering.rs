@@ -5,8 +5,9 @@ use crate::dmp::model::DmpModel;
 use crate::dmp::quintic::{Jet, Quintic};
 
 impl DiscreteDmp {
-    /// Copies the weights of another model with equal settings and dimensions, without allocating. Call this
-    /// between movements only: during a movement the forcing term would be discontinuous.
+    /// Exchanges the weights for a copy of another model's weights, without allocating. The other model must
+    /// have the same settings and dimensions. Call this between movements only: during a movement the forcing
+    /// term would be discontinuous.
     ///
     /// # Errors
     /// [`MoveError`] if the settings or the number of dimensions differ.

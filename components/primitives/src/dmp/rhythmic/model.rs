@@ -27,7 +27,7 @@ impl Default for RhythmicSettings {
     }
 }
 
-/// A learned rhythmic primitive. It does not change at run time.
+/// A learned rhythmic primitive. The model does not change at run time.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "StoredRhythmicModel", into = "StoredRhythmicModel")]
 pub struct RhythmicModel {
@@ -126,10 +126,10 @@ impl RhythmicModel {
 
     /// Fits a primitive to one or more periods by ridge regression with the penalty `lambda >= 0`.
     ///
-    /// Each period is a matrix (samples x dimensions) of evenly spaced samples that starts at phase 0. It
-    /// omits the closing sample, which belongs to the next period. Derivatives are central differences around
-    /// the cycle. The baseline is the middle of the range. The weights refer to normalised time and do not
-    /// depend on the duration of the period.
+    /// Each period is a matrix (samples x dimensions) of evenly spaced samples that starts at phase 0. The
+    /// closing sample, which belongs to the next period, is omitted. Derivatives are central differences
+    /// around the cycle. The baseline is the middle of the range. The weights refer to normalised time and do
+    /// not depend on the duration of the period.
     ///
     /// # Errors
     /// [`PeriodError`] if there are too few samples, the dimensions differ, a number is not finite, or a
@@ -166,8 +166,9 @@ impl RhythmicModel {
         Ok(model)
     }
 
-    /// Like [`fit`](Self::fit), but fits each kernel separately: `w_i = sum psi_i f / sum psi_i` over the
-    /// samples (Ijspeert et al. 2013). Less accurate for the same number of kernels.
+    /// Fits each kernel separately: `w_i = sum psi_i f / sum psi_i` over the samples, with the forcing term
+    /// `f` (Ijspeert et al. 2013). For the same number of kernels, this is less accurate than
+    /// [`fit`](Self::fit).
     ///
     /// # Errors
     /// Same as [`fit`](Self::fit).
