@@ -23,7 +23,8 @@ pub fn nearest<'a>(wanted: &str, candidates: impl IntoIterator<Item = &'a str>) 
         .map(|(_, name)| name)
 }
 
-/// Returns ` (did you mean "x"?)`, or an empty string.
+/// Returns the suggestion ` (did you mean "x"?)` for the name `x` in `nearest`, or an empty string for
+/// `None`.
 pub fn suggestion(nearest: Option<&str>) -> String {
     nearest.map(|name| format!(" (did you mean \"{name}\"?)")).unwrap_or_default()
 }

@@ -11,8 +11,9 @@ pub struct JointProperties {
     pub upper: f64,
     /// Maximum effort of the drive in either direction \[Nm or N\].
     pub effort_limit: f64,
-    /// Velocity limit \[rad/s or m/s\]; +inf without a limit. Steps beyond it are counted. A drive enforces
-    /// it only if its command contains it ([`JointSetpoint`](crate::JointSetpoint)).
+    /// Velocity limit \[rad/s or m/s\]; +inf without a limit. Steps in which the joint exceeds the limit are
+    /// counted. A drive enforces the limit only if its command ([`JointSetpoint`](crate::JointSetpoint))
+    /// contains it.
     pub velocity_limit: f64,
     /// Viscous damping \[Nms/rad or Ns/m\].
     pub damping: f64,

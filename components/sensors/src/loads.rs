@@ -13,8 +13,8 @@ pub struct WorldWrench {
 }
 
 impl WorldWrench {
-    /// Returns the force \[N\] and the torque \[Nm\] about the origin of a frame, in the axes of that frame.
-    /// `frame` is its pose in the world.
+    /// Returns the wrench as seen from a frame: the force \[N\] and the torque \[Nm\] about the frame's
+    /// origin, in the axes of the frame. `frame` is the pose of the frame in the world.
     pub fn seen_from(&self, frame: &Isometry3<f64>) -> (Vector3<f64>, Vector3<f64>) {
         let torque = self.torque - frame.translation.vector.cross(&self.force);
         let inverse = frame.rotation.inverse();

@@ -131,8 +131,8 @@ impl Dynamics {
         energy
     }
 
-    /// Returns the potential energy of all moving bodies \[J\]. It is zero when the centre of mass is at the
-    /// world's origin.
+    /// Returns the potential energy of all moving bodies \[J\]. The energy is zero if the centre of mass is
+    /// at the world's origin.
     pub fn potential_energy(&mut self, model: &Model, q: &[f64], gravity: Vector3<f64>) -> f64 {
         let (axes, _) = self.compose(model, q);
         let (_, position) = model.flat().base_pose(q);

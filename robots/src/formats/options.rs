@@ -7,8 +7,8 @@ use crate::{FileFormat, PackagePath};
 /// Treatment of the root link: fixed to the world or floating.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum BaseMode {
-    /// As in the robot's files: the root link is floating if the profile specifies it. Otherwise it is fixed
-    /// to the world, unless the only joint that moves it has the type `floating`.
+    /// As in the robot's files: the root link floats if the profile specifies a floating base. Otherwise the
+    /// root link is fixed to the world, unless the only joint that moves it has the type `floating`.
     #[default]
     AsFile,
     /// The root link floats.

@@ -15,11 +15,12 @@ use parry3d_f64::query::{ClosestPoints, DefaultQueryDispatcher, QueryDispatcher}
 /// Signed distance between two solids, with the nearest points.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Proximity {
-    /// Index in [`CollisionModel::pairs`].
+    /// Index of the pair of solids in [`CollisionModel::pairs`].
     pub pair: usize,
     /// Signed distance \[m\]: the gap, or the negative penetration depth.
     pub distance: f64,
-    /// Point of each solid that is nearest to the other solid, or deepest in it, in the world \[m\].
+    /// For each solid, the point nearest to the other solid, in the world \[m\]. If the solids overlap, it is
+    /// the point deepest inside the other solid.
     pub points: [Point3<f64>; 2],
     /// Unit vector from the first to the second solid, in world axes, such that `distance == normal .
     /// (points[1] - points[0])`.
@@ -83,14 +84,15 @@ impl Collisions {
         self.positions[index] = (pose * inverse * Point3::from(p)).coords.into();
     }
 
-    /// Places any solid, as an alternative to [`update`](Self::update). `pose` is the pose in the world of
-    /// its [placement](CollisionModel::placement).
+    /// Sets the pose of any solid directly, as an alternative to [`update`](Self::update). `pose` is the pose
+    /// of the solid's [placement](CollisionModel::placement) in the world.
     pub fn set_pose(&mut self, index: usize, pose: &Isometry3<f64>) {
         self.rotations[index] = pose.rotation.to_rotation_matrix().into_inner().into();
         self.positions[index] = pose.translation.vector.into();
     }
 
-    /// Returns the pose in the world of the [placement](CollisionModel::placement) of solid `index`.
+    /// Returns the pose of solid `index`: the pose of its [placement](CollisionModel::placement) in the
+    /// world.
     pub fn pose(&self, index: usize) -> IsometryMatrix3<f64> {
         let rotation = Rotation3::from_matrix_unchecked(self.rotations[index].into());
         IsometryMatrix3::from_parts(Vector3::from(self.positions[index]).into(), rotation)

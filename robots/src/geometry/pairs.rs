@@ -316,8 +316,9 @@ impl CollisionModel {
         self.solids[index].kind
     }
 
-    /// Returns the frame of its [robot](Self::robot) to which solid `index` is fixed. A base that is fixed in
-    /// the world is also [`Attachment::Base`].
+    /// Returns the frame to which solid `index` is fixed. The body indices of an attachment refer to the
+    /// solid's [robot](Self::robot). For a base that is fixed in the world, the attachment is
+    /// [`Attachment::Base`] as well.
     pub fn attachment(&self, index: usize) -> Attachment {
         match self.slots[index] {
             FlatModel::WORLD => Attachment::World,

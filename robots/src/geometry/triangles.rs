@@ -227,9 +227,9 @@ impl SurfaceTriangle {
         Point3::from(Vector3::from(nearest_on_triangle(point.coords.into(), corners)))
     }
 
-    /// Returns `true` if `point` is over the triangle. At a side in a valley, the point may be beyond the
-    /// side by `slack` \[m\] or the rise of the neighbour, whichever is smaller. Farther points may be over
-    /// the neighbour.
+    /// Returns `true` if the triangle is below `point`, seen along the triangle's normal. At a side in a
+    /// [`valley`](Self::valley), the point may be beyond the side by `slack` \[m\] or the neighbour's rise,
+    /// whichever is smaller. Points farther out may be over the neighbour.
     pub fn is_below(&self, point: &Point3<f64>, slack: f64) -> bool {
         (0..3).all(|side| {
             let (start, end) = (self.corners[side], self.corners[(side + 1) % 3]);

@@ -31,8 +31,8 @@ impl Kinematics {
     }
 
     /// Computes the gradient of the [`manipulability`](Self::manipulability) with respect to the joint motion
-    /// and returns the manipulability. `out . v` is its rate of change for a velocity `v` (nv). In a singular
-    /// configuration the gradient is undefined and `out` is zero.
+    /// and returns the manipulability. `out . v` is the manipulability's rate of change for a velocity `v`
+    /// (nv). In a singular configuration the gradient is undefined and `out` is zero.
     pub fn manipulability_gradient(
         &self,
         model: &Model,

@@ -75,7 +75,7 @@ pub enum LoadError {
     NotFound {
         /// Reference to the robot as written.
         reference: String,
-        /// Path that the reference would denote.
+        /// Path to which the reference would refer as a file or folder; it does not exist.
         path: PathBuf,
         /// The closest robot in the catalogue or installed.
         nearest: Option<String>,

@@ -226,8 +226,8 @@ impl Model {
         (0..self.frames.len()).filter(|index| carried[*index]).map(FrameId).collect()
     }
 
-    /// Returns the lower position limits \[rad or m\], one per independent joint; -inf without a limit. They
-    /// are narrowed by the limits of joints that follow, as are upper and velocity limits.
+    /// Returns the lower position limits \[rad or m\], one per independent joint; -inf without a limit. The
+    /// limits of mimic joints narrow the lower, upper and velocity limits of the joint that they follow.
     pub fn lower(&self) -> &DVector<f64> {
         &self.lower
     }

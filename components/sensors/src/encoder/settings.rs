@@ -37,7 +37,8 @@ pub struct JointErrors {
 }
 
 /// Computes velocity from the difference of successive position readings, filtered by a first-order low-pass,
-/// as in most drives. It inherits the noise and resolution of the position and is 0 at the first sample.
+/// as in most drives. The velocity inherits the noise and resolution of the position and is 0 at the first
+/// sample.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Differentiation {

@@ -33,7 +33,7 @@ pub enum TerrainError {
         /// Actual and expected values.
         problem: String,
     },
-    /// The grid has too many heights.
+    /// The grid is too fine: it has too many heights.
     #[error("a grid of {found:.3e} heights, expected at most {most:.0e}; raise `spacing` or lower `size`")]
     Fine {
         /// Requested number of heights.

@@ -75,7 +75,7 @@ pub enum UrdfProblem {
         /// Name of the repeated child element.
         child: &'static str,
     },
-    /// The value of an attribute is not the expected number of numbers.
+    /// The value of an attribute is not a list of numbers of the expected length.
     #[error("{attribute}=\"{value}\" of <{element}>: expected {}", numbers(*.expected))]
     Number {
         /// Name of the element.
@@ -84,7 +84,7 @@ pub enum UrdfProblem {
         attribute: &'static str,
         /// Value of the attribute.
         value: String,
-        /// Expected number of numbers.
+        /// Expected length of the list.
         expected: usize,
     },
     /// The orientation is a quaternion, which is not supported.

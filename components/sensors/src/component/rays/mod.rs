@@ -30,7 +30,7 @@ use view::{Look, View};
 
 /// The configuration of a ray-casting sensor.
 pub trait RaysConfig: SensorConfig {
-    /// Returns the mount of the sensor and what it can see.
+    /// Returns the mount of the sensor and the world seen by the sensor.
     fn seen(&self) -> Seen<'_>;
 }
 
