@@ -2,7 +2,8 @@
 
 use motorium_robots::Model;
 
-/// Passive properties of one independent joint. They include the contributions of the joints that mimic it.
+/// Passive properties of one independent joint. The properties include the contributions of joints that mimic
+/// this joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JointProperties {
     /// Lower position limit \[rad or m\]; -inf without a limit.

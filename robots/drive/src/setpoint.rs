@@ -36,11 +36,11 @@ pub struct JointSetpoint {
     pub kp: f64,
     /// Velocity gain \[N m s/rad or N s/m\], from 0.
     pub kd: f64,
-    /// Backward velocity limit \[rad/s or m/s\], negative, beyond which the drive brakes; minus infinity for
-    /// no limit. CAN drives ignore it and apply their own limits.
+    /// Minimum velocity \[rad/s or m/s\], negative, beyond which the drive brakes; minus infinity for no
+    /// limit. CAN drives ignore this field and apply their own limits.
     pub min_velocity: f64,
-    /// Forward velocity limit \[rad/s or m/s\], positive, beyond which the drive brakes; infinity for no
-    /// limit. CAN drives ignore it and apply their own limits.
+    /// Maximum velocity \[rad/s or m/s\], positive, beyond which the drive brakes; infinity for no limit. CAN
+    /// drives ignore this field and apply their own limits.
     pub max_velocity: f64,
 }
 

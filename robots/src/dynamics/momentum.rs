@@ -111,7 +111,7 @@ impl Dynamics {
     }
 
     /// Returns the rate of the momentum of all moving bodies about the centre of mass, in world axes: `Ag a +
-    /// Agdot v`. With `a = 0` it is the drift `Agdot v`.
+    /// Agdot v`. With `a = 0`, the rate is the drift `Agdot v`.
     pub fn momentum_rate(&mut self, model: &Model, q: &[f64], v: &[f64], a: &[f64]) -> Momentum {
         // Without gravity, the wrench at the base is the rate of change of the momentum.
         self.base_wrench(model, q, v, a);

@@ -47,7 +47,8 @@ pub enum ShapeSource {
 /// Source of a robot's profile.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum ProfileChoice {
-    /// The catalogue's profile, or else the `.toml` with the name of the robot file next to it, if it exists.
+    /// The robot's own profile: from the catalogue, or else from the `.toml` file of the same name next to
+    /// the robot file, if there is one.
     #[default]
     Own,
     /// The profile in a file.

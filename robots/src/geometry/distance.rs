@@ -67,8 +67,8 @@ impl Collisions {
         self.update_robot(model, 0, kinematics);
     }
 
-    /// Moves the obstacle with solid index `index` to `pose` in the world, which replaces its initial
-    /// placement.
+    /// Moves the obstacle with solid index `index` to `pose` in the world. This pose replaces the obstacle's
+    /// initial placement.
     ///
     /// Panics if `index` is not an obstacle.
     pub fn move_obstacle(&mut self, model: &CollisionModel, index: usize, pose: &Isometry3<f64>) {
@@ -109,13 +109,13 @@ impl Collisions {
         self.last = 0;
     }
 
-    /// Returns the search directions of the last distances, one per pair. Together with the poses, they
-    /// determine the next distances bit for bit.
+    /// Returns the hints for the next distances: the search directions of the last distances, one per pair.
+    /// Hints and poses together determine the next distances bit for bit.
     pub fn hints(&self) -> Vec<[f64; 3]> {
         self.hints.iter().map(|hint| hint.array()).collect()
     }
 
-    /// Restores earlier [search directions](Self::hints).
+    /// Restores earlier [hints](Self::hints).
     pub fn set_hints(&mut self, hints: &[[f64; 3]]) {
         assert_eq!(hints.len(), self.hints.len(), "one direction per pair");
         for (hint, given) in self.hints.iter_mut().zip(hints) {
@@ -123,7 +123,8 @@ impl Collisions {
         }
     }
 
-    /// Returns the distance of the pair with index `pair`, or `None` if it is certainly above `range` \[m\].
+    /// Returns the distance of the pair with index `pair`, or `None` if that distance is certainly above
+    /// `range` \[m\].
     pub fn distance_within(&mut self, model: &CollisionModel, pair: usize, range: f64) -> Option<Proximity> {
         self.measure(model, pair, range)
     }

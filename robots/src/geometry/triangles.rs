@@ -15,8 +15,9 @@ pub struct SurfaceTriangle {
     pub corners: [Point3<f64>; 3],
     /// Outward unit normal.
     pub normal: Vector3<f64>,
-    /// Height \[m\] by which the neighbouring triangle across each side rises above this triangle's plane; 0
-    /// if it does not rise. The first side runs from the first to the second corner.
+    /// Depth \[m\] of the valley at each side: the height by which the neighbouring triangle across the side
+    /// rises above this triangle's plane; 0 if the neighbour does not rise. The first side runs from the
+    /// first to the second corner.
     pub valley: [f64; 3],
 }
 
@@ -25,8 +26,8 @@ pub struct SurfaceTriangle {
 pub struct SurfaceEdge {
     /// Ends \[m\].
     pub ends: [Point3<f64>; 2],
-    /// Outward unit normals of both adjacent triangles. At a rim, these are the triangle's normal, and the
-    /// direction in its plane that points away from it.
+    /// Outward unit normals of both adjacent triangles. At a rim, the first is the normal of the only
+    /// triangle. The second is the direction in the triangle's plane that points away from the triangle.
     pub normals: [Vector3<f64>; 2],
 }
 

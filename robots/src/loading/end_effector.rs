@@ -93,8 +93,9 @@ impl Model {
         frame.body.is_some() || (self.base().floating && !frame.in_world)
     }
 
-    /// Returns the frame at the end of the longest chain of joints, before its fingers. It is the last frame
-    /// of its body, which is usually the tool. `None` if no joint moves any frame.
+    /// Returns the tip of the robot: a frame of the last body in the longest chain of joints, not counting
+    /// fingers. If this body has several frames, the tip is the last of them, which is usually the tool.
+    /// `None` if no joint moves any frame.
     ///
     /// ```
     /// # use std::path::Path;

@@ -4,7 +4,7 @@ use nalgebra::Isometry3;
 
 use super::{Inertia, Joint, Shape};
 
-/// The body moved by one joint. All links fixed to it are merged into it.
+/// The body moved by one joint: the child link of the joint, merged with all links fixed to it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Body {
     /// Name of the joint's child link. Its frame is the body frame.

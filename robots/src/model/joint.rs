@@ -155,7 +155,7 @@ pub struct Joint {
     /// included.
     pub placement: Isometry3<f64>,
     /// Limits of this joint alone. [`Model::lower`](crate::Model::lower) and the related methods also respect
-    /// the limits of joints that follow it.
+    /// the limits of joints that follow this joint.
     pub limits: Limits,
     /// Passive forces: damping, friction and spring.
     pub dynamics: JointDynamics,

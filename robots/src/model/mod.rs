@@ -207,8 +207,8 @@ impl Model {
         })
     }
 
-    /// Returns the frames of a link and of everything it carries across fixed and moving joints, parents
-    /// first.
+    /// Returns the frames of a link and of all links that it carries, directly or indirectly, across fixed
+    /// and moving joints. Parents come first.
     ///
     /// ```
     /// let panda = motorium_robots::load("panda", std::path::Path::new("."))?.model;

@@ -6,7 +6,7 @@ use nalgebra::{Point3, Vector3};
 /// Number of cells along a side of a block; the highest point of each block is stored.
 pub(super) const BLOCK: i64 = 8;
 
-/// Ground as a grid of heights, with two triangles per cell. It is solid below.
+/// Ground as a grid of heights, with two triangles per cell. The ground is solid below the surface.
 ///
 /// Beyond the grid, the height continues as at the nearest edge. Each cell is split along the diagonal from
 /// its corner with the smallest x and y.
