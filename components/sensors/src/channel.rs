@@ -71,7 +71,7 @@ impl SettingError {
 pub struct Timing {
     /// Delay from sampling until the reading is available.
     pub latency: TimeSpan,
-    /// Fraction of the readings that are lost, 0 to 1.
+    /// Fraction of the readings that are dropped, 0 to 1.
     pub drop_out: f64,
 }
 

@@ -57,7 +57,7 @@ impl Default for JointSetpoint {
 }
 
 impl JointSetpoint {
-    /// Creates a pure effort setpoint \[N m or N\].
+    /// Creates a setpoint of pure `effort` \[N m or N\], with zero gains and without velocity limits.
     pub fn effort(effort: f64) -> Self {
         Self { effort, ..Self::default() }
     }
@@ -123,8 +123,8 @@ impl JointSetpoint {
     }
 
     /// Returns the braking effort \[N m or N\] of a drive without an effort limit: the maximum effort that
-    /// the law `at_rest - slope v` requests at up to twice the velocity limits. It has no effect within the
-    /// velocity limits.
+    /// the law `at_rest - slope v` requests at up to twice the velocity limits. This effort has no effect
+    /// within the velocity limits.
     #[inline]
     pub fn braking_effort(&self, at_rest: f64, slope: f64) -> f64 {
         let requested = |v: f64| (at_rest - 2.0 * slope * v).abs();

@@ -36,8 +36,9 @@ impl<T: Copy> Clone for Delay<T> {
 }
 
 impl<T: Copy> Delay<T> {
-    /// Creates a delay \[s\]. `idle` is active until the first command takes effect. The queue has room for
-    /// the commands in flight with steps of at least 0.1 ms; shorter steps may allocate.
+    /// Creates a delay line with the delay `delay` \[s\]. `idle` is active until the first command takes
+    /// effect. The queue has room for the commands in flight with steps of at least 0.1 ms; shorter steps may
+    /// allocate.
     pub fn new(delay: f64, idle: T) -> Self {
         let delay_ns = nanoseconds(delay);
         let queue = VecDeque::with_capacity((delay_ns / 100_000) as usize + 3);
@@ -52,7 +53,7 @@ impl<T: Copy> Delay<T> {
         self.queue.reserve(room.saturating_sub(self.queue.len()));
     }
 
-    /// Returns the active command, assuming that `newest` is sent now.
+    /// Returns the command that is acting (in effect) now, assuming that `newest` is sent now.
     pub fn acting(&self, newest: T) -> T {
         if self.delay_ns == 0 {
             return newest;

@@ -54,7 +54,7 @@ pub struct DriveCommand {
 }
 
 impl DriveCommand {
-    /// Creates a command of pure effort \[Nm or N\].
+    /// Creates a command of pure `effort` \[Nm or N\], with zero gains and without velocity limits.
     pub fn effort(effort: f64) -> Self {
         let velocity_limits = [f64::NEG_INFINITY, f64::INFINITY];
         Self { position: 0.0, velocity: 0.0, effort, kp: 0.0, kd: 0.0, velocity_limits, braking: 0.0 }
@@ -78,7 +78,7 @@ pub struct JointLaw {
 impl JointLaw {
     const NOTHING: Self = Self { effort: 0.0, slope: 0.0, low: f64::NEG_INFINITY, high: f64::INFINITY };
 
-    /// Returns the effort \[Nm or N\] for the joint velocity `x` at the end of the step \[rad/s or m/s\].
+    /// Returns the effort \[Nm or N\] if `x` is the joint velocity \[rad/s or m/s\] at the end of the step.
     ///
     /// ```
     /// # use motorium_robots::JointLaw;

@@ -98,7 +98,7 @@ impl Collisions {
         IsometryMatrix3::from_parts(Vector3::from(self.positions[index]).into(), rotation)
     }
 
-    /// Returns the origin of solid `index` in the world \[m\].
+    /// Returns the position \[m\] of the origin of solid `index` in the world.
     pub fn position(&self, index: usize) -> Vector3<f64> {
         self.positions[index].into()
     }

@@ -137,7 +137,7 @@ impl TriangleSurface {
         Self { triangles, edges, tree, edge_tree, reach }
     }
 
-    /// Returns the radius of the bounding sphere about the origin \[m\].
+    /// Returns the reach of the surface \[m\]: the radius of its bounding sphere about the origin.
     pub fn reach(&self) -> f64 {
         self.reach
     }

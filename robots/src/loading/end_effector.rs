@@ -48,7 +48,8 @@ impl EndEffectorError {
 }
 
 impl Model {
-    /// Returns the frame named `frame`. If no name is given, returns the only end effector of `profile`.
+    /// Returns the end effector: the frame named `frame` or, if `frame` is `None`, the only end effector of
+    /// `profile`.
     ///
     /// # Errors
     ///

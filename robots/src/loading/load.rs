@@ -75,7 +75,7 @@ pub enum LoadError {
     NotFound {
         /// Reference to the robot as written.
         reference: String,
-        /// Path to which the reference would refer as a file or folder; it does not exist.
+        /// Path of the missing file or folder to which the reference would refer.
         path: PathBuf,
         /// The closest robot in the catalogue or installed.
         nearest: Option<String>,

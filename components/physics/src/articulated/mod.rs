@@ -107,7 +107,7 @@ pub struct Articulated {
 /// A contact force on a link of the robot.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LinkForce<'a> {
-    /// The link.
+    /// Name of the link.
     pub link: &'a str,
     /// Point of application on the link, in the world \[m\].
     pub point: Point3<f64>,

@@ -70,7 +70,7 @@ pub struct EncoderSettings {
     pub differentiate: Option<Differentiation>,
     /// Delay from sampling until the reading is available, such as "500 us". Default 0.
     pub latency: TimeSpan,
-    /// Fraction of the readings that are lost, 0 to 1. Default 0.
+    /// Fraction of the readings that are dropped, 0 to 1. Default 0.
     pub drop_out: f64,
     /// Seed of the noise. Default: from the seed of the run and the name of the component.
     pub seed: Option<u64>,

@@ -57,7 +57,7 @@ pub enum ModelWarning {
     ManyTurns {
         /// Name of the joint.
         joint: String,
-        /// The rule of the file, such as `URDF has radians`.
+        /// Unit rule of the file format, such as `URDF has radians`.
         format: &'static str,
         /// Lower limit \[rad\].
         lower: f64,
@@ -278,7 +278,7 @@ pub enum ModelWarning {
     Degrees {
         /// Description of the value, and the element, object or robot that it belongs to.
         what: String,
-        /// The rule of the file, such as `URDF has radians`.
+        /// Unit rule of the file format, such as `URDF has radians`.
         format: &'static str,
         /// The angle \[rad\].
         angle: f64,
@@ -338,7 +338,7 @@ struct Shared<'w> {
 }
 
 impl ModelWarning {
-    /// Formats the warnings. Links or joints with the same defect share one text.
+    /// Summarises the warnings, one text per defect: links or joints with the same defect share a text.
     ///
     /// ```
     /// use motorium_robots::ModelWarning;
