@@ -156,10 +156,10 @@ pub trait Engine: Sized {
     /// Calls `visit` with every contact point of the last step.
     fn visit_contacts(&self, visit: &mut dyn FnMut(&Contact<'_>));
 
-    /// Calls `visit` with the impulse on each collider that a contact touched during the last step of `dt`
-    /// \[s\]. The arguments are the collider's name, the impulse of its contacts \[N s\] and the moment of
-    /// the impulse about the world origin \[N m s\], including friction. A collider, or several colliders
-    /// with one name, may be passed more than once.
+    /// Calls `visit` for each collider that was in contact during the last step of `dt` \[s\]. The arguments
+    /// are the collider's name, the impulse of its contacts \[N s\] and the moment of the impulse about the
+    /// world origin \[N m s\], including friction. A collider, or several colliders with one name, may be
+    /// passed more than once.
     ///
     /// The default implementation assumes that the forces passed by [`visit_contacts`](Self::visit_contacts)
     /// act during the whole step. Engines with several integration steps per step sum their impulses instead.
