@@ -14,8 +14,8 @@ pub struct Entry {
     pub urdf: &'static str,
     /// Profile of the robot: poses, end effectors and gains.
     pub profile: Profile,
-    /// Visual meshes of the links: the name in the URDF, `package://ROBOT/shells/PART.obj`, and the Wavefront
-    /// OBJ text of each.
+    /// Shells: visual meshes of the links. Each entry is the mesh's name in the URDF,
+    /// `package://ROBOT/shells/PART.obj`, and the mesh as Wavefront OBJ text.
     pub shells: &'static [(&'static str, &'static str)],
 }
 

@@ -3,9 +3,9 @@
 /// Returns the candidate that is most similar to `wanted`; `None` if none is similar enough.
 ///
 /// The measure is the case-insensitive Damerau-Levenshtein distance, in which `-`, `_` and spaces are equal.
-/// A candidate is similar if the distance is at most a third of the letters of `wanted` (at least one). It is
-/// also similar if `wanted` has at least three letters and is its prefix or suffix, such as `index_q1` of
-/// `left_index_q1`. Graph files use the same measure.
+/// A candidate is similar if the distance is at most a third of the letters of `wanted` (at least one). A
+/// candidate is also similar if `wanted` has at least three letters and is a prefix or suffix of the
+/// candidate, such as `index_q1` of `left_index_q1`. Graph files use the same measure.
 pub fn nearest<'a>(wanted: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let plain = |name: &str| name.to_lowercase().replace(['-', ' '], "_");
     let wanted = plain(wanted);
@@ -23,7 +23,8 @@ pub fn nearest<'a>(wanted: &str, candidates: impl IntoIterator<Item = &'a str>) 
         .map(|(_, name)| name)
 }
 
-/// Returns ` (did you mean "x"?)`, or an empty string.
+/// Returns the suggestion ` (did you mean "x"?)` for the name `x` in `nearest`, or an empty string for
+/// `None`.
 pub fn suggestion(nearest: Option<&str>) -> String {
     nearest.map(|name| format!(" (did you mean \"{name}\"?)")).unwrap_or_default()
 }

@@ -15,7 +15,7 @@ pub struct Capabilities {
     pub rolling_friction: bool,
     /// Conveyors: surfaces that move tangentially.
     pub conveyors: bool,
-    /// Soft surfaces and direction-dependent friction.
+    /// Surface textures: soft surfaces and direction-dependent friction.
     pub textures: bool,
     /// Collision with the triangles of [meshes](motorium_worlds::MeshCollision) of objects. Every engine
     /// supports collision with their convex parts.

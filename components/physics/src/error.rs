@@ -63,9 +63,9 @@ pub enum StepError {
     BaseDiverged {
         /// Name of the base link.
         base: String,
-        /// Speed of its origin at the end of the step \[m/s\]; may be infinite or NaN.
+        /// Speed of the base's origin at the end of the step \[m/s\]; may be infinite or NaN.
         linear: f64,
-        /// Angular speed at the end of the step \[rad/s\]; may be infinite or NaN.
+        /// Angular speed of the base at the end of the step \[rad/s\]; may be infinite or NaN.
         angular: f64,
     },
     /// The step has more contacts than the MuJoCo engine has memory for.

@@ -2,7 +2,8 @@
 
 use motorium_robots::Model;
 
-/// Passive properties of one independent joint. They include the contributions of the joints that mimic it.
+/// Passive properties of one independent joint. The properties include the contributions of joints that mimic
+/// this joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JointProperties {
     /// Lower position limit \[rad or m\]; -inf without a limit.
@@ -11,8 +12,9 @@ pub struct JointProperties {
     pub upper: f64,
     /// Maximum effort of the drive in either direction \[Nm or N\].
     pub effort_limit: f64,
-    /// Velocity limit \[rad/s or m/s\]; +inf without a limit. Steps beyond it are counted. A drive enforces
-    /// it only if its command contains it ([`JointSetpoint`](crate::JointSetpoint)).
+    /// Velocity limit \[rad/s or m/s\]; +inf without a limit. Steps in which the joint exceeds the limit are
+    /// counted. A drive enforces the limit only if its command ([`JointSetpoint`](crate::JointSetpoint))
+    /// contains it.
     pub velocity_limit: f64,
     /// Viscous damping \[Nms/rad or Ns/m\].
     pub damping: f64,

@@ -25,7 +25,8 @@ pub struct RobotSetup {
     pub collision_rules: Srdf,
     /// Friction coefficients by link name, for links that differ from the default surface.
     pub friction: BTreeMap<String, f64>,
-    /// Rules by which the friction coefficients of links combine with other surfaces', by link name.
+    /// By link name, the rule that combines the link's coefficient of friction with the coefficient of the
+    /// other surface.
     pub friction_combine: BTreeMap<String, FrictionCombine>,
     /// Restitutions by link name, 0 to 1, for links that differ from the default surface.
     pub restitution: BTreeMap<String, f64>,
@@ -33,8 +34,8 @@ pub struct RobotSetup {
     pub soft: BTreeMap<String, Softness>,
     /// Direction-dependent friction by link name. Directions are in link axes.
     pub grain: BTreeMap<String, Grain>,
-    /// Actuator settings, one per joint. `None` is an ideal actuator, as are joints beyond the end of the
-    /// list.
+    /// Actuator settings, one per joint. `None` is an ideal actuator. Joints beyond the end of the list also
+    /// have ideal actuators.
     pub actuators: Vec<Option<ActuatorSettings>>,
     /// Profile of a loaded robot, for controllers that run alongside the simulation.
     pub profile: Option<Arc<Profile>>,

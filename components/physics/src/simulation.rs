@@ -71,7 +71,7 @@ pub trait Engine: Sized {
     }
 
     /// Applies a force \[N, world axes\] and a torque \[Nm, world axes\] at `point` \[m, link axes\] of a
-    /// link during the next step, in addition to those already applied.
+    /// link during the next step, in addition to wrenches already applied.
     fn apply_wrench(
         &mut self,
         robot: &Robot,
@@ -80,8 +80,8 @@ pub trait Engine: Sized {
         wrench: [Vector3<f64>; 2],
     );
 
-    /// Starts the placement of an articulation that was moved by its drives so far. From now on no force
-    /// moves it. The robot is already in its placed state.
+    /// Starts the placement of an articulation that its drives have moved so far. From now on, no force moves
+    /// the articulation. The robot is already in its placed state.
     fn begin_placement(&mut self, robot: &Robot, articulation: usize);
 
     /// Ends the placement of an articulation. Its drives move it again, from the robot's current state.
@@ -94,15 +94,15 @@ pub trait Engine: Sized {
     /// start inside something. May stop moving objects.
     fn exclude_start_overlaps(&mut self, robot: &Robot, warnings: &mut Vec<BuildWarning>);
 
-    /// Computes the state of the robot and the objects `dt` \[s\] after the current one.
+    /// Computes the state of the robot and the objects `dt` \[s\] after their current state.
     ///
     /// # Errors
     ///
     /// [`StepError`], after which [`discard`](Self::discard) is called.
     fn advance(&mut self, robot: &mut Robot, dt: f64) -> Result<StepReport, StepError>;
 
-    /// Makes the computed state of the objects the current one. `robot` is already in its state after the
-    /// step of `dt` \[s\].
+    /// Commits the computed state of the objects: it becomes their current state. `robot` is already in its
+    /// state after the step of `dt` \[s\].
     fn commit(&mut self, robot: &Robot, dt: f64);
 
     /// Discards the computed state. The robot keeps its current state.
@@ -156,10 +156,10 @@ pub trait Engine: Sized {
     /// Calls `visit` with every contact point of the last step.
     fn visit_contacts(&self, visit: &mut dyn FnMut(&Contact<'_>));
 
-    /// Calls `visit` with the impulse on each collider that a contact touched during the last step of `dt`
-    /// \[s\]. The arguments are the collider's name, the impulse of its contacts \[N s\] and the moment of
-    /// the impulse about the world origin \[N m s\], including friction. A collider, or several colliders
-    /// with one name, may be passed more than once.
+    /// Calls `visit` for each collider that was in contact during the last step of `dt` \[s\]. The arguments
+    /// are the collider's name, the impulse of its contacts \[N s\] and the moment of the impulse about the
+    /// world origin \[N m s\], including friction. A collider, or several colliders with one name, may be
+    /// passed more than once.
     ///
     /// The default implementation assumes that the forces passed by [`visit_contacts`](Self::visit_contacts)
     /// act during the whole step. Engines with several integration steps per step sum their impulses instead.

@@ -55,7 +55,8 @@ pub struct RayHit<'a> {
 
 /// Snapshot of a simulator that includes everything that affects its next steps, warm starts included.
 ///
-/// [`Simulator::restore`] restores it bit for bit: the next steps equal those after [`Simulator::save`].
+/// [`Simulator::restore`] restores it bit for bit: the steps after a restore equal the steps after the
+/// [`Simulator::save`].
 pub struct SavedState(pub(crate) Box<dyn Any + Send + Sync>);
 
 impl core::fmt::Debug for SavedState {
@@ -223,8 +224,8 @@ pub trait Simulator {
     /// ```
     fn place_at(&mut self, articulation: usize, q: &[f64], v: &[f64]) -> Result<(), ResetError>;
 
-    /// Returns a placed articulation to its drives. They continue from its current state with commands of
-    /// zero effort. No effect on an articulation that is not placed.
+    /// Returns a placed articulation to its drives, which start with commands of zero effort. The
+    /// articulation continues from its current state. No effect on an articulation that is not placed.
     ///
     /// # Panics
     ///

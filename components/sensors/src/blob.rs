@@ -31,9 +31,9 @@ pub struct Hue {
 }
 
 impl Hue {
-    /// Creates a hue from a colour: red, green and blue, 0 to 1. It selects pixels whose levels differ from
-    /// the colour's direction by at most `tolerance` \[rad\] and whose brightest channel is at least `least`,
-    /// 0 to 255.
+    /// Creates a hue from a colour: red, green and blue, 0 to 1. The hue selects a pixel if the angle between
+    /// its levels and `colour`, both as vectors, is at most `tolerance` \[rad\], and its brightest channel is
+    /// at least `least`, 0 to 255.
     ///
     /// # Errors
     /// [`SettingError`] if the colour is black or a number is out of range.
@@ -67,7 +67,7 @@ pub struct Blob {
     /// Number of pixels.
     pub pixels: u32,
     /// Direction of the object's centre in camera axes: the mean pixel direction weighted by solid angle. For
-    /// a sphere it points at the centre.
+    /// a sphere, this is the exact direction of the centre.
     pub direction: Unit<Vector3<f64>>,
     /// Solid angle covered by the pixels \[sr\].
     pub solid_angle: f64,

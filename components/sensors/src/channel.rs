@@ -71,7 +71,7 @@ impl SettingError {
 pub struct Timing {
     /// Delay from sampling until the reading is available.
     pub latency: TimeSpan,
-    /// Fraction of the readings that are lost, 0 to 1.
+    /// Fraction of the readings that are dropped, 0 to 1.
     pub drop_out: f64,
 }
 
@@ -134,8 +134,9 @@ impl Channel {
         Self::from_parts(name, vec![*errors], axes, seed, [first, first + 1, first + 2, first + 3])
     }
 
-    /// Creates a sensor with separate errors for each axis. Bias, scale, readings and bias walk are sampled
-    /// from the noise streams of the seed with these four numbers.
+    /// Creates a sensor with separate errors for each axis. `streams` lists the numbers of the noise streams
+    /// of the seed from which bias, scale error, noise of the readings and bias walk are sampled, in this
+    /// order.
     ///
     /// # Errors
     /// [`SettingError`] if a number is negative or not finite.

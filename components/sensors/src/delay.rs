@@ -62,8 +62,8 @@ impl DelayLine {
         self.push_noted(time, 0)
     }
 
-    /// Like [`push`](Self::push), with a value that [`read_noted`](Self::read_noted) returns, such as another
-    /// time stamp of the frame.
+    /// Like [`push`](Self::push), but attaches `note` to the frame, such as another time stamp.
+    /// [`read_noted`](Self::read_noted) returns the note with the frame.
     pub fn push_noted(&mut self, time: u64, note: u64) -> &mut [f64] {
         if self.count > 0 && time < self.times[self.slot(self.count - 1)] {
             self.clear();
@@ -79,13 +79,14 @@ impl DelayLine {
         &mut self.values[slot * self.width..(slot + 1) * self.width]
     }
 
-    /// Returns the newest frame that is due at `now` \[ns\], with its sampling time \[ns\]. It stays readable
-    /// until the next frame is due. `None` before the first.
+    /// Returns the newest frame that is due at `now` \[ns\], with its sampling time \[ns\]. A frame stays
+    /// readable until the next frame is due. `None` until the first frame is due.
     pub fn read(&mut self, now: u64) -> Option<(u64, &[f64])> {
         self.read_noted(now).map(|(time, _, values)| (time, values))
     }
 
-    /// Like [`read`](Self::read), but also returns the note of the frame; 0 if it was pushed without one.
+    /// Like [`read`](Self::read), but also returns the note of the frame: 0 for a frame pushed without a
+    /// note.
     pub fn read_noted(&mut self, now: u64) -> Option<(u64, u64, &[f64])> {
         while self.count > 1 && self.is_due(1, now) {
             self.drop_oldest();

@@ -26,15 +26,16 @@ pub struct ImuReading {
 /// Model of an inertial measurement unit that integrates between its readings, as units with digital output
 /// do.
 ///
-/// Between two samples at `t` and `t + dt`, with the orientation `R` and the velocity `v` of the sensor in
-/// the world and the gravitational acceleration `g`,
+/// A reading contains the mean angular velocity `omega` and the mean specific force `f` over the interval
+/// between two samples at `t` and `t + dt`:
 ///
 /// ```text
 /// omega = log(R(t)' R(t + dt)) / dt        f = R(t + dt/2)' ((v(t + dt) - v(t)) / dt - g)
 /// ```
 ///
-/// are the mean angular velocity and mean specific force over the interval, in the sensor's axes at the
-/// middle of the interval. Sensor errors are added to both. The first sample gives no reading.
+/// `R` and `v` are the orientation and the velocity of the sensor in the world, and `g` is the gravitational
+/// acceleration. `omega` and `f` are in the sensor's axes at the middle of the interval. Sensor errors are
+/// added to both. The first sample gives no reading.
 ///
 /// ```
 /// use motorium_sensors::channel::ErrorModel;

@@ -13,8 +13,8 @@ pub struct WorldWrench {
 }
 
 impl WorldWrench {
-    /// Returns the force \[N\] and the torque \[Nm\] about the origin of a frame, in the axes of that frame.
-    /// `frame` is its pose in the world.
+    /// Returns the wrench as seen from a frame: the force \[N\] and the torque \[Nm\] about the frame's
+    /// origin, in the axes of the frame. `frame` is the pose of the frame in the world.
     pub fn seen_from(&self, frame: &Isometry3<f64>) -> (Vector3<f64>, Vector3<f64>) {
         let torque = self.torque - frame.translation.vector.cross(&self.force);
         let inverse = frame.rotation.inverse();
@@ -52,16 +52,16 @@ impl From<OutsideForce> for OutsideWrench {
 ///
 /// A link and everything it carries have the total momentum `P`, the angular momentum `L` about the world
 /// origin, the mass `m` and the centre of mass `c`. Between two samples at `t` and `t + dt`, the joint that
-/// carries the link, moving or fixed, must have exerted the mean wrench
+/// carries the link, moving or fixed, must have exerted the mean wrench of force `F` and torque `T`:
 ///
 /// ```text
 /// F = (P(t + dt) - P(t)) / dt - m g - sum f_i
 /// T = (L(t + dt) - L(t)) / dt - c(t + dt/2) x m g - sum r_i x f_i
 /// ```
 ///
-/// with the gravitational acceleration `g` and the external forces `f_i` at the points `r_i`. No joint
-/// acceleration is needed, and an impact between the samples is fully included. Masses and inertias are the
-/// model's, scaled by a factor per link.
+/// Here `g` is the gravitational acceleration, and the external forces `f_i` act at the points `r_i`. No
+/// joint acceleration is needed, and an impact between the samples is fully included. Masses and inertias are
+/// the model's, scaled by a factor per link.
 ///
 /// ```
 /// use motorium_robots::{Kinematics, load};

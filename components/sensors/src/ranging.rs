@@ -74,7 +74,7 @@ impl RangeModel {
     /// time since the last reading.
     ///
     /// # Panics
-    /// If the number of rays differs.
+    /// If the number of distances differs from the number of rays.
     pub fn measure(&mut self, dt: f64, distances: &mut [f64]) {
         self.channel.measure(dt, distances);
         let RangeSettings { least, most, lost, .. } = self.settings;

@@ -187,7 +187,7 @@ impl Renderer {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct PixelNoise {
-    /// Number of electrons of a pixel at level 255. Default: no shot noise.
+    /// Full-well capacity: number of electrons of a pixel at level 255. Default: no shot noise.
     pub full_well: Option<f64>,
     /// Standard deviation of the noise in the dark, levels. Default 0.
     #[schemars(range(min = 0.0))]

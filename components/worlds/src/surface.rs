@@ -26,7 +26,7 @@ pub enum FrictionCombine {
     /// The smaller coefficient.
     Min,
     /// Product of both coefficients. Default for surfaces with a friction of 0, which are therefore
-    /// frictionless against every surface, unless its rule is `max`.
+    /// frictionless against every surface whose rule is not `max`.
     Multiply,
     /// The larger coefficient.
     Max,

@@ -47,8 +47,8 @@ pub struct World {
     pub file: Option<PathBuf>,
     /// Gravitational acceleration (m/s2).
     pub gravity: [f64; 3],
-    /// `true` if `gravity` is stated explicitly. It then overrides the gravity of a `file`, even if it equals
-    /// Earth's.
+    /// `true` if `gravity` is stated explicitly. An explicit gravity overrides the gravity of a `file`, even
+    /// if the explicit value equals Earth's gravity.
     #[serde(skip)]
     pub states_gravity: bool,
     /// Velocity of the air (m/s), which pushes objects with a `drag`. Default: still air.

@@ -1,6 +1,6 @@
 //! The setpoint of one joint, and the laws of the drive that follows it.
 
-/// Setpoint of one joint. It stays in force until it is replaced.
+/// Setpoint of one joint. A setpoint stays in force until the next one replaces it.
 ///
 /// A drive applies
 ///
@@ -13,8 +13,9 @@
 ///
 /// A joint that moves beyond `min_velocity` or `max_velocity` brakes, regardless of the rest of the setpoint.
 /// `high(v)` is the effort limit up to `max_velocity`. From there it falls to the negative effort limit over
-/// [`BRAKING_BAND`] of the larger of both velocities; `low(v)` is symmetric. A drive without an effort limit
-/// brakes with the maximum effort that its setpoint requests up to twice these velocities.
+/// a band of [`BRAKING_BAND`] times the larger velocity limit; `low(v)` is symmetric. Without an effort
+/// limit, the drive brakes with the maximum effort that the setpoint requests at up to twice the velocity
+/// limits.
 ///
 /// ```
 /// use motorium_drive::JointSetpoint;
@@ -35,11 +36,11 @@ pub struct JointSetpoint {
     pub kp: f64,
     /// Velocity gain \[N m s/rad or N s/m\], from 0.
     pub kd: f64,
-    /// Backward velocity limit \[rad/s or m/s\], negative, beyond which the drive brakes; minus infinity for
-    /// no limit. CAN drives ignore it and apply their own limits.
+    /// Minimum velocity \[rad/s or m/s\], negative, beyond which the drive brakes; minus infinity for no
+    /// limit. CAN drives ignore this field and apply their own limits.
     pub min_velocity: f64,
-    /// Forward velocity limit \[rad/s or m/s\], positive, beyond which the drive brakes; infinity for no
-    /// limit. CAN drives ignore it and apply their own limits.
+    /// Maximum velocity \[rad/s or m/s\], positive, beyond which the drive brakes; infinity for no limit. CAN
+    /// drives ignore this field and apply their own limits.
     pub max_velocity: f64,
 }
 
@@ -56,7 +57,7 @@ impl Default for JointSetpoint {
 }
 
 impl JointSetpoint {
-    /// Creates a pure effort setpoint \[N m or N\].
+    /// Creates a setpoint of pure `effort` \[N m or N\], with zero gains and without velocity limits.
     pub fn effort(effort: f64) -> Self {
         Self { effort, ..Self::default() }
     }
@@ -105,24 +106,25 @@ impl JointSetpoint {
         self.braking_effort(self.kp * (self.position - q) + self.kd * self.velocity + self.effort, self.kd)
     }
 
-    /// Returns the width of the band in which the drive changes from full effort to full braking \[rad/s or
-    /// m/s\]; infinite without velocity limits.
+    /// Returns the width \[rad/s or m/s\] of the band in which the drive changes from full effort to full
+    /// braking. Without velocity limits, the width is infinite.
     #[inline]
     pub fn braking_band(&self) -> f64 {
         BRAKING_BAND * self.max_velocity.max(-self.min_velocity)
     }
 
-    /// Returns the slope of the braking effort beyond a velocity limit, for a drive with the effort limit
-    /// `limit` \[N m s/rad or N s/m\]; zero without velocity limits.
+    /// Returns the slope \[N m s/rad or N s/m\] of the braking effort beyond a velocity limit, for a drive
+    /// with the effort limit `limit` \[N m or N\]. The slope is zero if the effort limit or the velocity
+    /// limits are infinite.
     #[inline]
     pub fn braking_slope(&self, limit: f64) -> f64 {
         let band = self.braking_band();
         if limit.is_finite() && band.is_finite() { 2.0 * limit / band } else { 0.0 }
     }
 
-    /// Returns the maximum effort that the law `at_rest - slope v` requests up to twice the velocity limits.
-    /// It is the braking effort of a drive without an effort limit, and has no effect up to the velocity
-    /// limits.
+    /// Returns the braking effort \[N m or N\] of a drive without an effort limit: the maximum effort that
+    /// the law `at_rest - slope v` requests at up to twice the velocity limits. This effort has no effect
+    /// within the velocity limits.
     #[inline]
     pub fn braking_effort(&self, at_rest: f64, slope: f64) -> f64 {
         let requested = |v: f64| (at_rest - 2.0 * slope * v).abs();

@@ -36,23 +36,24 @@ impl<T: Copy> Clone for Delay<T> {
 }
 
 impl<T: Copy> Delay<T> {
-    /// Creates a delay \[s\]. `idle` is active until the first command takes effect. Memory is allocated for
-    /// steps of at least 0.1 ms.
+    /// Creates a delay line with the delay `delay` \[s\]. `idle` is active until the first command takes
+    /// effect. The queue has room for the commands in flight with steps of at least 0.1 ms; shorter steps may
+    /// allocate.
     pub fn new(delay: f64, idle: T) -> Self {
         let delay_ns = nanoseconds(delay);
         let queue = VecDeque::with_capacity((delay_ns / 100_000) as usize + 3);
         Self { delay_ns, now_ns: 0, idle, queue }
     }
 
-    /// Sets the delay \[s\] of commands sent from now on. A command that takes effect before an earlier one
-    /// overtakes it.
+    /// Sets the delay \[s\] of commands sent from now on. After the delay is shortened, a new command
+    /// replaces earlier commands that would take effect later.
     pub fn set_delay(&mut self, delay: f64) {
         self.delay_ns = nanoseconds(delay);
         let room = (self.delay_ns / 100_000) as usize + 3;
         self.queue.reserve(room.saturating_sub(self.queue.len()));
     }
 
-    /// Returns the active command, assuming that `newest` is sent now.
+    /// Returns the command that is acting (in effect) now, assuming that `newest` is sent now.
     pub fn acting(&self, newest: T) -> T {
         if self.delay_ns == 0 {
             return newest;

@@ -6,9 +6,9 @@ use super::{Actuator, EffortLaw};
 /// optionally with backlash.
 ///
 /// With `backlash = 0` it is a series-elastic actuator. With a stiff spring and backlash it is a gear (the
-/// dead-zone model of Nordin and Gutman 2002): within the gap neither side moves the other; at its ends the
-/// teeth push and never pull. All values are at the joint, after the gear. The motor inertia is therefore the
-/// rotor inertia times the square of the gear ratio.
+/// dead-zone model of Nordin and Gutman 2002): within the gap, motor and joint do not act on each other; at
+/// the ends of the gap, the teeth push but never pull. All values are at the joint, after the gear. The motor
+/// inertia is therefore the rotor inertia times the square of the gear ratio.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Drivetrain {
     /// Inertia of the motor reflected to the joint \[kg m2 or kg\].
@@ -17,7 +17,7 @@ pub struct Drivetrain {
     pub stiffness: f64,
     /// Damping parallel to the spring \[Nms/rad or Ns/m\].
     pub damping: f64,
-    /// Width of the gap between its two ends \[rad or m\].
+    /// Backlash: total width of the gap between motor and joint \[rad or m\].
     pub backlash: f64,
 }
 
@@ -54,7 +54,7 @@ pub struct DriveCommand {
 }
 
 impl DriveCommand {
-    /// Creates a command of pure effort \[Nm or N\].
+    /// Creates a command of pure `effort` \[Nm or N\], with zero gains and without velocity limits.
     pub fn effort(effort: f64) -> Self {
         let velocity_limits = [f64::NEG_INFINITY, f64::INFINITY];
         Self { position: 0.0, velocity: 0.0, effort, kp: 0.0, kd: 0.0, velocity_limits, braking: 0.0 }
@@ -78,7 +78,7 @@ pub struct JointLaw {
 impl JointLaw {
     const NOTHING: Self = Self { effort: 0.0, slope: 0.0, low: f64::NEG_INFINITY, high: f64::INFINITY };
 
-    /// Returns the effort \[Nm or N\] for the joint velocity `x` at the end of the step \[rad/s or m/s\].
+    /// Returns the effort \[Nm or N\] if `x` is the joint velocity \[rad/s or m/s\] at the end of the step.
     ///
     /// ```
     /// # use motorium_robots::JointLaw;
@@ -155,18 +155,19 @@ impl MotorStep {
 }
 
 impl Actuator {
-    /// Returns the drivetrain, or `None` if it is rigid.
+    /// Returns the compliant drivetrain, or `None` for a rigid drivetrain.
     pub fn drivetrain(&self) -> Option<&Drivetrain> {
         self.drivetrain.as_ref()
     }
 
-    /// Returns the state of the motor if it moves separately from the joint. `None` before the first step.
+    /// Returns the motor state behind a compliant drivetrain. `None` for a rigid drivetrain, whose motor
+    /// moves with the joint, and before [`begin`](Self::begin).
     pub fn motor(&self) -> Option<Motor> {
         self.motor
     }
 
-    /// Starts the motor of a drivetrain at the joint's state, without tension. No effect after the first
-    /// step.
+    /// Begins the motion of a compliant drivetrain: the motor starts at the joint's state, with the spring
+    /// relaxed. No effect if the motor already has a state.
     pub fn begin(&mut self, joint: Motor) {
         if self.drivetrain.is_some() && self.motor.is_none() {
             self.motor = Some(joint);

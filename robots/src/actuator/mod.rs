@@ -228,7 +228,8 @@ impl Actuator {
         Ok(())
     }
 
-    /// Copies effort, temperature and motor state from another actuator. Effort limit and settings are kept.
+    /// Resumes from the state of `other`: copies its effort, temperature and motor state. This actuator keeps
+    /// its effort limit and settings.
     pub fn resume(&mut self, other: &Self) {
         (self.effort, self.heat, self.motor) = (other.effort, other.heat, other.motor);
     }

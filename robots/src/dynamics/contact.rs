@@ -11,7 +11,7 @@ pub enum ConstrainedError {
     /// The mass matrix is singular.
     #[error(transparent)]
     Mass(#[from] SingularMassMatrix),
-    /// A constraint is a linear combination of the constraints before it.
+    /// A row of the constraint is a linear combination of the rows before it.
     #[error(
         "row {row} of the constraint depends linearly on the rows before it; remove it, or regularise with a damping above 0"
     )]
@@ -24,8 +24,8 @@ pub enum ConstrainedError {
 /// Workspace for the forward dynamics of one [`Model`] under a fixed number of constraints. Nothing allocates
 /// after [`new`](Self::new).
 ///
-/// By Gauss's principle, the acceleration is the one that satisfies `J a + drift = 0` and is nearest to the
-/// unconstrained acceleration in the metric of M:
+/// By Gauss's principle, the constrained acceleration `a` satisfies `J a + drift = 0` and is as close as
+/// possible to the unconstrained acceleration `a_free` in the metric of M:
 ///
 /// ```text
 /// M a = tau - C v - g + J' lambda        (J M^-1 J' + damping 1) lambda = -(J a_free + drift)
@@ -47,7 +47,8 @@ pub struct Constraint<'a> {
     pub jacobian: &'a DMatrix<f64>,
     /// Drift `Jdot v`, plus any drift correction. One entry per row.
     pub drift: &'a [f64],
-    /// Compliance added to the diagonal \[1/kg\]; 0 for a rigid constraint, which must then not be redundant.
+    /// Damping added to the diagonal of `J M^-1 J'` \[1/kg\], which makes the constraint compliant. With 0,
+    /// the constraint is rigid and its rows must be linearly independent.
     pub damping: f64,
 }
 

@@ -33,8 +33,8 @@ impl Dynamics {
         turn_rotors(model.flat(), out);
     }
 
-    /// Computes the upper triangle of the mass matrix, including the diagonal. Only entries of joints that
-    /// carry one another are written, so initialise the matrix with zeros once and reuse it.
+    /// Computes the upper triangle of the mass matrix, including the diagonal. Entries of two joints are
+    /// written only if one joint carries the other. Initialise the matrix with zeros once and reuse it.
     pub fn crba_upper(&mut self, model: &Model, q: &[f64], out: &mut DMatrix<f64>) {
         widest(BodiesMass::<false> { dynamics: self, model, q, out });
         turn_rotors(model.flat(), out);

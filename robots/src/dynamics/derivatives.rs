@@ -77,7 +77,7 @@ impl Dynamics {
     }
 
     /// Computes the derivatives of `a`, the result of [`forward`](Self::forward), with respect to `q`, `v`
-    /// and `tau`. Also returns `a`.
+    /// and `tau`. `a_out` receives `a`.
     ///
     /// # Errors
     ///

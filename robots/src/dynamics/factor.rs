@@ -108,8 +108,9 @@ impl MassFactor {
         }
     }
 
-    /// Extends `marked` (nv) to all entries of v whose joints carry a marked entry. The result is the support
-    /// of `M^-1` times a vector that is nonzero on the marked entries.
+    /// Marks all entries of v whose joints carry the joint of a marked entry. `marked` has nv entries. For a
+    /// right-hand side that is nonzero only in the initially marked entries, the [half
+    /// solution](Self::half_solve) is nonzero only in the entries marked on return.
     pub fn mark_carriers(&self, marked: &mut [bool]) {
         assert_eq!(marked.len(), self.above.len(), "length of the marks");
         for k in (0..marked.len()).rev() {
@@ -160,8 +161,8 @@ impl MassFactor {
         }
     }
 
-    /// Replaces `B` in `b` by the solution of `X M = B`, for any number of rows. M is symmetric, so this is
-    /// the transpose of `M X' = B'`.
+    /// Solves `X M = B` for `X`, in place: `b` holds `B`, with any number of rows, and is replaced by `X`. M
+    /// is symmetric, so each row of `X` solves `M x = b` for the same row of `B`.
     pub fn solve_right(&self, b: &mut DMatrix<f64>) {
         widest(SolveRight { factor: self, b });
     }

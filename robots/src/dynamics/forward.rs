@@ -74,7 +74,7 @@ impl Dynamics {
     }
 
     /// Factorises the mass matrix at `q`. The returned factor solves any number of systems; the next call
-    /// with a `q` argument overwrites it.
+    /// with a `q` argument overwrites the factor.
     ///
     /// # Errors
     ///

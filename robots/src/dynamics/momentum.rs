@@ -111,7 +111,7 @@ impl Dynamics {
     }
 
     /// Returns the rate of the momentum of all moving bodies about the centre of mass, in world axes: `Ag a +
-    /// Agdot v`. With `a = 0` it is the drift `Agdot v`.
+    /// Agdot v`. With `a = 0`, the rate is the drift `Agdot v`.
     pub fn momentum_rate(&mut self, model: &Model, q: &[f64], v: &[f64], a: &[f64]) -> Momentum {
         // Without gravity, the wrench at the base is the rate of change of the momentum.
         self.base_wrench(model, q, v, a);
@@ -131,8 +131,8 @@ impl Dynamics {
         energy
     }
 
-    /// Returns the potential energy of all moving bodies \[J\]. It is zero when the centre of mass is at the
-    /// world's origin.
+    /// Returns the potential energy of all moving bodies \[J\]. The energy is zero if the centre of mass is
+    /// at the world's origin.
     pub fn potential_energy(&mut self, model: &Model, q: &[f64], gravity: Vector3<f64>) -> f64 {
         let (axes, _) = self.compose(model, q);
         let (_, position) = model.flat().base_pose(q);

@@ -46,8 +46,8 @@ impl Model {
 
 impl Dynamics {
     /// Computes the regressor of inverse dynamics (nv x [`Model::parameter_count`]), such that `rnea(q, v, a)
-    /// = out * model.inertial_parameters()`. For joints with a rotor inertia, armature times acceleration is
-    /// added.
+    /// = out * model.inertial_parameters()`. The regressor excludes rotor inertias: for a joint with a rotor,
+    /// `rnea` returns the product plus armature times acceleration.
     pub fn regressor(
         &mut self,
         model: &Model,

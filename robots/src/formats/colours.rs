@@ -43,15 +43,16 @@ impl LinkColours {
         self
     }
 
-    /// Returns the colour of a shape of a link. This is the colour of the visual at index `place` of the
-    /// link, or else of its last visual. If the file specifies neither, it is a default chosen by the moving
-    /// `body` of the link (`None` for the base).
+    /// Returns the colour of the shape with index `place` of `link`. If the file specifies a colour, this is
+    /// the [stated](Self::stated) colour. Otherwise it is a default colour that depends on the moving `body`
+    /// to which the link belongs (`None` for the base).
     pub fn of_shape(&self, link: &str, place: usize, body: Option<usize>) -> Colour {
         self.stated(link, place).unwrap_or(PLAIN[body.map_or(0, |body| 1 + body % 2)])
     }
 
-    /// Returns the colour that the file specifies for the visual at index `place` of a link, or else for its
-    /// last visual. `None` if the file specifies neither.
+    /// Returns the colour that the file states for the visual at index `place` of `link`. If the link has
+    /// fewer visuals, returns the colour of its last visual. `None` if the file states no colour for that
+    /// visual.
     pub fn stated(&self, link: &str, place: usize) -> Option<Colour> {
         self.0.get(link).and_then(|colours| colours.get(place).or(colours.last())).copied().flatten()
     }

@@ -7,8 +7,8 @@ use crate::{FileFormat, PackagePath};
 /// Treatment of the root link: fixed to the world or floating.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum BaseMode {
-    /// As in the robot's files: the root link is floating if the profile specifies it. Otherwise it is fixed
-    /// to the world, unless the only joint that moves it has the type `floating`.
+    /// As in the robot's files: the root link floats if the profile specifies a floating base. Otherwise the
+    /// root link is fixed to the world, unless the only joint that moves it has the type `floating`.
     #[default]
     AsFile,
     /// The root link floats.
@@ -47,7 +47,8 @@ pub enum ShapeSource {
 /// Source of a robot's profile.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum ProfileChoice {
-    /// The catalogue's profile, or else the `.toml` with the name of the robot file next to it, if it exists.
+    /// The robot's own profile: from the catalogue, or else from the `.toml` file of the same name next to
+    /// the robot file, if there is one.
     #[default]
     Own,
     /// The profile in a file.

@@ -15,11 +15,12 @@ use parry3d_f64::query::{ClosestPoints, DefaultQueryDispatcher, QueryDispatcher}
 /// Signed distance between two solids, with the nearest points.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Proximity {
-    /// Index in [`CollisionModel::pairs`].
+    /// Index of the pair of solids in [`CollisionModel::pairs`].
     pub pair: usize,
     /// Signed distance \[m\]: the gap, or the negative penetration depth.
     pub distance: f64,
-    /// Point of each solid that is nearest to the other solid, or deepest in it, in the world \[m\].
+    /// For each solid, the point nearest to the other solid, in the world \[m\]. If the solids overlap, it is
+    /// the point deepest inside the other solid.
     pub points: [Point3<f64>; 2],
     /// Unit vector from the first to the second solid, in world axes, such that `distance == normal .
     /// (points[1] - points[0])`.
@@ -66,8 +67,8 @@ impl Collisions {
         self.update_robot(model, 0, kinematics);
     }
 
-    /// Moves the obstacle with solid index `index` to `pose` in the world, which replaces its initial
-    /// placement.
+    /// Moves the obstacle with solid index `index` to `pose` in the world. This pose replaces the obstacle's
+    /// initial placement.
     ///
     /// Panics if `index` is not an obstacle.
     pub fn move_obstacle(&mut self, model: &CollisionModel, index: usize, pose: &Isometry3<f64>) {
@@ -83,20 +84,21 @@ impl Collisions {
         self.positions[index] = (pose * inverse * Point3::from(p)).coords.into();
     }
 
-    /// Places any solid, as an alternative to [`update`](Self::update). `pose` is the pose in the world of
-    /// its [placement](CollisionModel::placement).
+    /// Sets the pose of any solid directly, as an alternative to [`update`](Self::update). `pose` is the pose
+    /// of the solid's [placement](CollisionModel::placement) in the world.
     pub fn set_pose(&mut self, index: usize, pose: &Isometry3<f64>) {
         self.rotations[index] = pose.rotation.to_rotation_matrix().into_inner().into();
         self.positions[index] = pose.translation.vector.into();
     }
 
-    /// Returns the pose in the world of the [placement](CollisionModel::placement) of solid `index`.
+    /// Returns the pose of solid `index`: the pose of its [placement](CollisionModel::placement) in the
+    /// world.
     pub fn pose(&self, index: usize) -> IsometryMatrix3<f64> {
         let rotation = Rotation3::from_matrix_unchecked(self.rotations[index].into());
         IsometryMatrix3::from_parts(Vector3::from(self.positions[index]).into(), rotation)
     }
 
-    /// Returns the origin of solid `index` in the world \[m\].
+    /// Returns the position \[m\] of the origin of solid `index` in the world.
     pub fn position(&self, index: usize) -> Vector3<f64> {
         self.positions[index].into()
     }
@@ -107,13 +109,13 @@ impl Collisions {
         self.last = 0;
     }
 
-    /// Returns the search directions of the last distances, one per pair. Together with the poses, they
-    /// determine the next distances bit for bit.
+    /// Returns the hints for the next distances: the search directions of the last distances, one per pair.
+    /// Hints and poses together determine the next distances bit for bit.
     pub fn hints(&self) -> Vec<[f64; 3]> {
         self.hints.iter().map(|hint| hint.array()).collect()
     }
 
-    /// Restores earlier [search directions](Self::hints).
+    /// Restores earlier [hints](Self::hints).
     pub fn set_hints(&mut self, hints: &[[f64; 3]]) {
         assert_eq!(hints.len(), self.hints.len(), "one direction per pair");
         for (hint, given) in self.hints.iter_mut().zip(hints) {
@@ -121,7 +123,8 @@ impl Collisions {
         }
     }
 
-    /// Returns the distance of the pair with index `pair`, or `None` if it is certainly above `range` \[m\].
+    /// Returns the distance of the pair with index `pair`, or `None` if that distance is certainly above
+    /// `range` \[m\].
     pub fn distance_within(&mut self, model: &CollisionModel, pair: usize, range: f64) -> Option<Proximity> {
         self.measure(model, pair, range)
     }

@@ -225,9 +225,9 @@ impl CollisionModel {
         }
     }
 
-    /// Adds an obstacle in the world. It is checked against every link of the robot that is not fixed to the
-    /// world, and against every [free object](Self::add_free_object). Returns the index of its solid, for
-    /// [`Collisions::move_obstacle`](super::Collisions::move_obstacle).
+    /// Adds an obstacle in the world. The obstacle is checked against every link of the robot that is not
+    /// fixed to the world, and against every [free object](Self::add_free_object). Returns the index of its
+    /// solid, for [`Collisions::move_obstacle`](super::Collisions::move_obstacle).
     ///
     /// # Errors
     ///
@@ -260,8 +260,8 @@ impl CollisionModel {
         Ok(self.add(solid, placement, true))
     }
 
-    /// Adds a half-space as an obstacle, such as a ground. It fills everything below the plane z = 0 of
-    /// `placement`. Returns the index of its solid.
+    /// Adds a half-space as an obstacle, such as a ground. The half-space fills everything below the plane z
+    /// = 0 of `placement`. Returns the index of its solid.
     pub fn add_half_space(&mut self, name: &str, placement: Isometry3<f64>) -> usize {
         self.add(Solid::half_space(name, placement), placement, false)
     }
@@ -316,8 +316,9 @@ impl CollisionModel {
         self.solids[index].kind
     }
 
-    /// Returns the frame of its [robot](Self::robot) to which solid `index` is fixed. A base that is fixed in
-    /// the world is also [`Attachment::Base`].
+    /// Returns the frame to which solid `index` is fixed. The body indices of an attachment refer to the
+    /// solid's [robot](Self::robot). For a base that is fixed in the world, the attachment is
+    /// [`Attachment::Base`] as well.
     pub fn attachment(&self, index: usize) -> Attachment {
         match self.slots[index] {
             FlatModel::WORLD => Attachment::World,

@@ -15,7 +15,8 @@ use crate::{Geometry, MeshError, Shape, TriangleMesh};
 /// Collision shape that replaces a mesh.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MeshMode {
-    /// Convex hull. If the hull has more corners than `most_corners`, a capsule around it is used.
+    /// Convex hull. If the hull has more than `most_corners` corners, a capsule around the mesh replaces the
+    /// hull.
     Hull {
         /// Maximum number of corners of a hull.
         most_corners: usize,
@@ -26,8 +27,8 @@ pub enum MeshMode {
     /// coarse and slightly smaller than the mesh, but sufficient for contact points, of which a robot needs
     /// only a few.
     Outermost,
-    /// The triangles themselves: exact and slow. Surfaces have no interior. If they intersect, the distance
-    /// is the negative depth of the deepest triangle.
+    /// The triangles themselves: exact and slow. Surfaces have no interior. If a surface intersects another
+    /// solid, the distance is the negative depth of the deepest triangle.
     Surface,
 }
 

@@ -15,8 +15,9 @@ pub struct SurfaceTriangle {
     pub corners: [Point3<f64>; 3],
     /// Outward unit normal.
     pub normal: Vector3<f64>,
-    /// Height \[m\] by which the neighbouring triangle across each side rises above this triangle's plane; 0
-    /// if it does not rise. The first side runs from the first to the second corner.
+    /// Depth \[m\] of the valley at each side: the height by which the neighbouring triangle across the side
+    /// rises above this triangle's plane; 0 if the neighbour does not rise. The first side runs from the
+    /// first to the second corner.
     pub valley: [f64; 3],
 }
 
@@ -25,8 +26,8 @@ pub struct SurfaceTriangle {
 pub struct SurfaceEdge {
     /// Ends \[m\].
     pub ends: [Point3<f64>; 2],
-    /// Outward unit normals of both adjacent triangles. At a rim, these are the triangle's normal, and the
-    /// direction in its plane that points away from it.
+    /// Outward unit normals of both adjacent triangles. At a rim, the first is the normal of the only
+    /// triangle. The second is the direction in the triangle's plane that points away from the triangle.
     pub normals: [Vector3<f64>; 2],
 }
 
@@ -136,7 +137,7 @@ impl TriangleSurface {
         Self { triangles, edges, tree, edge_tree, reach }
     }
 
-    /// Returns the radius of the bounding sphere about the origin \[m\].
+    /// Returns the reach of the surface \[m\]: the radius of its bounding sphere about the origin.
     pub fn reach(&self) -> f64 {
         self.reach
     }
@@ -227,9 +228,9 @@ impl SurfaceTriangle {
         Point3::from(Vector3::from(nearest_on_triangle(point.coords.into(), corners)))
     }
 
-    /// Returns `true` if `point` is over the triangle. At a side in a valley, the point may be beyond the
-    /// side by `slack` \[m\] or the rise of the neighbour, whichever is smaller. Farther points may be over
-    /// the neighbour.
+    /// Returns `true` if the triangle is below `point`, seen along the triangle's normal. At a side in a
+    /// [`valley`](Self::valley), the point may be beyond the side by `slack` \[m\] or the neighbour's rise,
+    /// whichever is smaller. Points farther out may be over the neighbour.
     pub fn is_below(&self, point: &Point3<f64>, slack: f64) -> bool {
         (0..3).all(|side| {
             let (start, end) = (self.corners[side], self.corners[(side + 1) % 3]);

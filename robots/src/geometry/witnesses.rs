@@ -77,11 +77,11 @@ impl Collisions {
     /// Maximum number of [witnesses](Self::witnesses) of a pair.
     pub const MOST_WITNESSES: usize = 12;
 
-    /// Appends the witnesses of a pair to `found`, at most `most` and at most
+    /// Appends up to `most` witnesses of a pair to `found`, but no more than
     /// [`MOST_WITNESSES`](Self::MOST_WITNESSES). Witnesses are pairs of opposite points that may become the
     /// nearest points after a small rotation. `nearest`, measured at these poses, is not included. Each
-    /// witness has the normal of `nearest`. Its distance is the gap along that normal, which is at least the
-    /// distance of `nearest`.
+    /// witness has the normal of `nearest`. The distance of a witness is the gap along that normal, which is
+    /// at least the distance of `nearest`.
     ///
     /// Between a flat face and an edge or another face, the nearest points jump from corner to corner as the
     /// solids rotate. The [gradient](CollisionModel::distance_jacobian) at one corner therefore does not

@@ -15,10 +15,10 @@ const PRIMES: [f64; 16] =
 /// Options of the search.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct IkOptions {
-    /// Maximum distance from the target at which it counts as reached \[m\].
+    /// Maximum distance between the frame and the target at which the target counts as reached \[m\].
     pub position_tolerance: f64,
-    /// Maximum angle from the target at which it counts as reached \[rad\]; infinite if only the position
-    /// matters.
+    /// Maximum angle between the frame and the target at which the target counts as reached \[rad\]; infinite
+    /// if only the position matters.
     pub rotation_tolerance: f64,
     /// Maximum number of iterations from each initial guess.
     pub iterations: usize,

@@ -162,9 +162,9 @@ impl Kinematics {
         }
     }
 
-    /// Adds the Jacobian of a point to `out`, with one row per joint velocity (nv) and one column per
-    /// direction in `axes`, multiplied by `sign`. The point is fixed to body `body` (`None` for the base) and
-    /// is currently at `point` in the world \[m\].
+    /// Adds the Jacobian of a point, multiplied by `sign`, to the first three columns of `out`. `out` has one
+    /// row per entry of `v` (nv), and each of these columns belongs to one direction in `axes`. The point is
+    /// fixed to body `body` (`None` for the base) and is currently at `point` in the world \[m\].
     pub fn add_point_jacobian(
         &self,
         model: &Model,

@@ -22,17 +22,17 @@ impl TaskRows {
 }
 
 impl Kinematics {
-    /// Returns the manipulability of `frame` by the joints, `sqrt(det(J J'))` of the selected rows. It is
-    /// zero in a singular configuration, and whenever fewer joints move the frame than there are rows. A
-    /// floating base is excluded, because it can move in every direction.
+    /// Returns the manipulability of `frame` by the joints, `sqrt(det(J J'))` of the selected rows. The
+    /// manipulability is zero in a singular configuration, and whenever fewer joints move the frame than
+    /// there are rows. A floating base is excluded, because it can move in every direction.
     pub fn manipulability(&self, model: &Model, frame: FrameId, rows: TaskRows) -> f64 {
         // The square root of rounding noise is only accurate to half the digits.
         self.gram(model, frame, rows).determinant().max(0.0).sqrt()
     }
 
     /// Computes the gradient of the [`manipulability`](Self::manipulability) with respect to the joint motion
-    /// and returns the manipulability. `out . v` is its rate of change for a velocity `v` (nv). In a singular
-    /// configuration the gradient is undefined and `out` is zero.
+    /// and returns the manipulability. `out . v` is the manipulability's rate of change for a velocity `v`
+    /// (nv). In a singular configuration the gradient is undefined and `out` is zero.
     pub fn manipulability_gradient(
         &self,
         model: &Model,

@@ -11,9 +11,10 @@ use crate::{
 };
 
 impl Loaded {
-    /// Returns the robot as URDF for viewers. This is the text of its URDF file with [held](Self::held)
-    /// joints fixed, or else its model with visual shapes [written](draw_as_urdf) as URDF. `None` if the
-    /// robot was not loaded from a file. The meshes include the shells of the catalogue.
+    /// Returns the robot as URDF for viewers. For a URDF file, this is the text of the file with
+    /// [held](Self::held) joints fixed. For an MJCF file, or if the joints cannot be fixed in the text, the
+    /// model is [written](draw_as_urdf) as URDF, with visual shapes if they can be read. `None` if the robot
+    /// was not loaded from a file. The meshes include the shells of the catalogue.
     ///
     /// # Errors
     ///

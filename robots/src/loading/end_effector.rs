@@ -48,7 +48,8 @@ impl EndEffectorError {
 }
 
 impl Model {
-    /// Returns the frame named `frame`. If no name is given, returns the only end effector of `profile`.
+    /// Returns the end effector: the frame named `frame` or, if `frame` is `None`, the only end effector of
+    /// `profile`.
     ///
     /// # Errors
     ///
@@ -93,8 +94,9 @@ impl Model {
         frame.body.is_some() || (self.base().floating && !frame.in_world)
     }
 
-    /// Returns the frame at the end of the longest chain of joints, before its fingers. It is the last frame
-    /// of its body, which is usually the tool. `None` if no joint moves any frame.
+    /// Returns the tip of the robot: a frame of the last body in the longest chain of joints, not counting
+    /// fingers. If this body has several frames, the tip is the last of them, which is usually the tool.
+    /// `None` if no joint moves any frame.
     ///
     /// ```
     /// # use std::path::Path;

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 pub struct Installed {
     /// Name by which the robot is loaded: the name of its file without the extension.
     pub name: String,
-    /// Collection of the robot. `COLLECTION/NAME` also loads it.
+    /// Collection to which the robot belongs. `COLLECTION/NAME` also loads the robot.
     pub collection: String,
     /// URDF file of the robot.
     pub urdf: PathBuf,

@@ -27,15 +27,15 @@ pub struct Loaded {
     pub model: Model,
     /// Warnings about defects of the robot's file, to be shown to the user.
     pub warnings: Vec<ModelWarning>,
-    /// Profile of the robot: from the catalogue, or from the `.toml` with the name of the robot file next to
-    /// it.
+    /// Profile of the robot: from the catalogue, or from the `.toml` file of the same name next to the robot
+    /// file.
     pub profile: Option<Profile>,
     /// Named poses of the SRDF next to the file, or in the `srdf` folder next to the file's folder.
     pub postures: Vec<Posture>,
     /// Pairs of bodies that an MJCF file excludes from collision.
     pub exclusions: Srdf,
-    /// Joints of the file that are not in the model because a graph holds them, with their positions \[rad or
-    /// m\].
+    /// Held joints of the file, each with the position \[rad or m\] at which the graph holds it. They are not
+    /// in the model.
     pub held: Vec<(String, f64)>,
     /// Catalogue entry; `None` if the robot is not from the catalogue.
     pub entry: Option<&'static Entry>,
@@ -75,7 +75,7 @@ pub enum LoadError {
     NotFound {
         /// Reference to the robot as written.
         reference: String,
-        /// Path that the reference would denote.
+        /// Path of the missing file or folder to which the reference would refer.
         path: PathBuf,
         /// The closest robot in the catalogue or installed.
         nearest: Option<String>,

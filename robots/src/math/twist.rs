@@ -38,7 +38,7 @@ impl Twist {
         Self::default()
     }
 
-    /// Returns the six components, linear part first, like a Jacobian times a joint velocity.
+    /// Returns the six components, linear part first, in the order of the rows of a Jacobian.
     pub fn vector(&self) -> Vector6<f64> {
         let (l, a) = (&self.linear, &self.angular);
         Vector6::new(l.x, l.y, l.z, a.x, a.y, a.z)

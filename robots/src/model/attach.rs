@@ -20,7 +20,7 @@ pub struct Placed<'a> {
 /// The models cannot be combined.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum AttachError {
-    /// The tool has a floating base; its name.
+    /// The tool with this name has a floating base.
     #[error("\"{0}\" has a floating base and cannot be attached to anything; load it with its base fixed")]
     Floating(String),
     /// The frame with this name is fixed to the world next to a floating base.

@@ -72,8 +72,9 @@ impl Model {
         }
     }
 
-    /// Converts `q` to Pinocchio's layout. The base is the same, and a continuous joint has its cosine and
-    /// sine, so a planar joint is x, y, cosine and sine. The order of the joints is kept.
+    /// Converts `q` to Pinocchio's layout. The entries of the base are unchanged. The angle of a continuous
+    /// joint becomes its cosine and sine, so a planar joint becomes x, y, cosine and sine. The order of the
+    /// joints is kept.
     pub fn to_pinocchio(&self, q: &[f64]) -> Vec<f64> {
         let mut out = q[..self.nq() - self.joint_count()].to_vec();
         for (index, &angle) in self.joints_of_q(q).iter().enumerate() {

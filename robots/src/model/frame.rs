@@ -5,7 +5,7 @@ use nalgebra::Isometry3;
 use super::Inertia;
 use crate::nearest::suggestion;
 
-/// Index of a frame in [`Model::frames`](crate::Model::frames). Look it up once, outside loops.
+/// Index of a frame in [`Model::frames`](crate::Model::frames). Look up the frame once, outside loops.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct FrameId(pub(crate) usize);
 
@@ -28,7 +28,8 @@ pub struct Frame {
     pub in_world: bool,
     /// Pose in the frame of the body, of the base or of the world.
     pub placement: Isometry3<f64>,
-    /// Frame index of the parent link, to which a joint of any type connects it; `None` for a root.
+    /// Frame index of the parent link, to which this link is connected by a joint of any type; `None` for a
+    /// root.
     pub parent: Option<usize>,
     /// Inertia of this link alone, in its frame.
     pub inertia: Inertia,

@@ -19,7 +19,7 @@ impl Inertia {
         Self { mass: 0.0, com: Vector3::zeros(), rotational: Matrix3::zeros() }
     }
 
-    /// Returns the inertia in another frame; `pose` is the pose of the current frame in it.
+    /// Returns the inertia in another frame; `pose` is the pose of the current frame in that frame.
     pub fn moved(&self, pose: &Isometry3<f64>) -> Self {
         let r = pose.rotation.to_rotation_matrix().into_inner();
         Self {

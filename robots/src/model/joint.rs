@@ -37,7 +37,7 @@ impl Limits {
     };
 }
 
-/// Passive joint forces, for simulators. They are not included in any quantity of this crate.
+/// Passive joint forces, for simulators. No dynamics function of this crate includes them.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct JointDynamics {
     /// Viscous damping \[Nms/rad or Ns/m\].
@@ -78,8 +78,8 @@ impl Default for Drive {
     }
 }
 
-/// Limits for a safe controller, inside the joint's limits (URDF's `<safety_controller>`). They are not
-/// included in any quantity of this crate.
+/// Limits for a safe controller, inside the joint's limits (URDF's `<safety_controller>`). No function of
+/// this crate applies them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SafetyController {
     /// Lower soft limit of the position \[rad or m\].
@@ -155,7 +155,7 @@ pub struct Joint {
     /// included.
     pub placement: Isometry3<f64>,
     /// Limits of this joint alone. [`Model::lower`](crate::Model::lower) and the related methods also respect
-    /// the limits of joints that follow it.
+    /// the limits of joints that follow this joint.
     pub limits: Limits,
     /// Passive forces: damping, friction and spring.
     pub dynamics: JointDynamics,

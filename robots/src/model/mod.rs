@@ -207,8 +207,8 @@ impl Model {
         })
     }
 
-    /// Returns the frames of a link and of everything it carries across fixed and moving joints, parents
-    /// first.
+    /// Returns the frames of a link and of all links that it carries, directly or indirectly, across fixed
+    /// and moving joints. Parents come first.
     ///
     /// ```
     /// let panda = motorium_robots::load("panda", std::path::Path::new("."))?.model;
@@ -226,8 +226,8 @@ impl Model {
         (0..self.frames.len()).filter(|index| carried[*index]).map(FrameId).collect()
     }
 
-    /// Returns the lower position limits \[rad or m\], one per independent joint; -inf without a limit. They
-    /// are narrowed by the limits of joints that follow, as are upper and velocity limits.
+    /// Returns the lower position limits \[rad or m\], one per independent joint; -inf without a limit. The
+    /// limits of mimic joints narrow the lower, upper and velocity limits of the joint that they follow.
     pub fn lower(&self) -> &DVector<f64> {
         &self.lower
     }

@@ -19,7 +19,7 @@ pub struct Shape {
 }
 
 impl Shape {
-    /// Returns the shape in another frame; `pose` is the pose of the current frame in it.
+    /// Returns the shape in another frame; `pose` is the pose of the current frame in that frame.
     pub fn moved(&self, pose: &Isometry3<f64>) -> Self {
         Self { placement: pose * self.placement, ..self.clone() }
     }

@@ -213,7 +213,8 @@ impl Profile {
     }
 
     /// Returns the velocity limits \[rad/s or m/s\], in the order of the model's joints; infinite without a
-    /// limit. A robot loaded with its profile uses the smaller of these limits and those in its file.
+    /// limit. A robot loaded with its profile uses the smaller of the limits in the profile and in the
+    /// robot's file.
     ///
     /// # Errors
     ///

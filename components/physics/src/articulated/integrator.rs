@@ -132,8 +132,8 @@ impl JointSpaceIntegrator {
         self.bounds[joint] = bounds;
     }
 
-    /// Clears the modes of the last step, which are the initial guess of the next. The next step then depends
-    /// only on its arguments.
+    /// Forgets the modes of the last step, which would be the initial guess for the next step. The next step
+    /// then depends only on its arguments.
     pub fn forget(&mut self) {
         self.solver.forget();
     }
@@ -148,8 +148,8 @@ impl JointSpaceIntegrator {
         self.solver.set_modes(modes)
     }
 
-    /// Advances `q` (nq) and `v` (nv) by `h` \[s\] and writes the efforts that the drives apply during the
-    /// step to `tau`. `commands` and `tau` have one entry per independent joint.
+    /// Advances `q` (nq) and `v` (nv) by `h` \[s\]. Writes to `tau` the efforts that the drives apply during
+    /// the step. `commands` and `tau` have one entry per independent joint.
     ///
     /// # Errors
     ///

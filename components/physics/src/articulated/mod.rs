@@ -107,7 +107,7 @@ pub struct Articulated {
 /// A contact force on a link of the robot.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LinkForce<'a> {
-    /// The link.
+    /// Name of the link.
     pub link: &'a str,
     /// Point of application on the link, in the world \[m\].
     pub point: Point3<f64>,
@@ -367,8 +367,8 @@ impl Articulated {
 
 impl Simulation<Articulated> {
     /// Moves the floating base of each robot vertically until the robot stands on the ground plane or the
-    /// terrain, and stops the robot. In a world with neither, it stands on the plane z = 0. A robot without
-    /// collision shapes is not moved.
+    /// terrain, and stops the robot. In a world with neither, the robot stands on the plane z = 0. A robot
+    /// without collision shapes is not moved.
     pub fn place_on_ground(&mut self) {
         (0..self.engine.parts.len()).for_each(|of| self.place_one_on_ground(of));
     }

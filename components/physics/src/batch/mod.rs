@@ -352,8 +352,8 @@ impl<E: Engine + Send, W: Send> Batch<E, W> {
         Ok(())
     }
 
-    /// Resets one world like [`reset`](Self::reset), with other physical properties, which persist until the
-    /// next call.
+    /// Like [`reset`](Self::reset), but also gives the world other physical `properties`. They persist until
+    /// the next call of this method.
     ///
     /// # Errors
     ///

@@ -24,9 +24,9 @@ use crate::{BuildError, Connection, Options, RobotSetup, Simulator, World};
 #[derive(Clone, Debug, Default, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct PhysicsConfig {
-    /// Named initial pose, from the robot's profile or its SRDF. Default without `position`: the home pose. A
-    /// robot without a profile starts with all joints at zero, or at the middle of their range if it excludes
-    /// zero.
+    /// Named initial pose, from the robot's profile or its SRDF. Default without `position`: the home pose.
+    /// In a robot without a profile, each joint starts at zero, or at the middle of its range if the range
+    /// excludes zero.
     pub pose: Option<String>,
     /// Initial joint positions, rad or m: one number for all joints, or one per joint in order. Excludes
     /// `pose`.

@@ -138,8 +138,8 @@ pub struct PlaceIntervals {
     pub x: Option<Interval>,
     /// Displacement along y of the world, m.
     pub y: Option<Interval>,
-    /// Along z of the world, m. For a base without a configured position, this is its height above the
-    /// ground.
+    /// Displacement along z of the world, m. For a base without a configured position: height of the base
+    /// above the ground, m.
     pub z: Option<Interval>,
     /// Rotation about z of the world, rad.
     pub yaw: Option<Interval>,

@@ -115,7 +115,8 @@ impl Draws {
         scene.varied(&self.quantities, values)
     }
 
-    /// Samples the start of an episode. Same as [`apply`](Self::apply) to [`values`](Self::values).
+    /// Samples the start of an episode: [applies](Self::apply) the [`values`](Self::values) of this seed and
+    /// sample number.
     pub fn draw(&self, seed: u64, number: u64) -> Start {
         self.apply(&self.values(seed, number))
     }

@@ -19,7 +19,7 @@ pub(super) struct Scene<'a> {
 pub struct Start {
     /// Physical properties, for [`reset_with`](crate::Simulator::reset_with).
     pub properties: Properties,
-    /// Initial configuration (nq), without `lifts`.
+    /// Initial configuration (nq), to which `lifts` have not been applied.
     pub q: Vec<f64>,
     /// Vertical displacement \[m\] of the floating base of each articulation. It is applied after the base is
     /// placed on the ground.
@@ -27,7 +27,7 @@ pub struct Start {
     /// `true` if the posture, the pose of a base or the terrain differs from the nominal one. A base on the
     /// ground must then be placed again.
     pub moved: bool,
-    /// Scales of the commanded gains and of the strength, per articulation and drive.
+    /// For each articulation and drive, the scale of the commanded gains and the scale of the strength.
     pub drives: Vec<Vec<[f64; 2]>>,
 }
 

@@ -282,8 +282,8 @@ impl Rapier {
 }
 
 impl Simulation<Rapier> {
-    /// Runs every call into rapier's pipeline inside `enclose`, which must execute the call it receives. It
-    /// can, for example, count the allocations of rapier separately.
+    /// Runs every call into rapier's pipeline inside `enclose`, which must execute the call it receives. For
+    /// example, `enclose` can count the allocations of rapier separately.
     pub fn enclose_rapier(&mut self, enclose: Enclose) {
         self.engine.scene.set_enclosure(enclose);
     }

@@ -94,7 +94,8 @@ impl EncoderModel {
         Self::drawn(joints, settings, &SensorDraw::none(settings.latency), seed, shortest_period)
     }
 
-    /// Creates sensors with the noise, biases and latency sampled for an episode.
+    /// Like [`new`](Self::new), with the scales of noise and bias and the latency in `draw`, sampled for an
+    /// episode.
     ///
     /// # Errors
     /// Same as [`new`](Self::new).

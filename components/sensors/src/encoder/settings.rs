@@ -37,7 +37,8 @@ pub struct JointErrors {
 }
 
 /// Computes velocity from the difference of successive position readings, filtered by a first-order low-pass,
-/// as in most drives. It inherits the noise and resolution of the position and is 0 at the first sample.
+/// as in most drives. The velocity inherits the noise and resolution of the position and is 0 at the first
+/// sample.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Differentiation {
@@ -69,7 +70,7 @@ pub struct EncoderSettings {
     pub differentiate: Option<Differentiation>,
     /// Delay from sampling until the reading is available, such as "500 us". Default 0.
     pub latency: TimeSpan,
-    /// Fraction of the readings that are lost, 0 to 1. Default 0.
+    /// Fraction of the readings that are dropped, 0 to 1. Default 0.
     pub drop_out: f64,
     /// Seed of the noise. Default: from the seed of the run and the name of the component.
     pub seed: Option<u64>,

@@ -10,10 +10,11 @@ use nalgebra::{UnitQuaternion, Vector3};
 /// e = f / |f| x R' z        dR/dt = R (omega - b + kp e)^        db/dt = -ki e
 /// ```
 ///
-/// with angular velocity `omega` and specific force `f` in the axes of the sensor, the attitude `R` of the
-/// sensor in the world (z up) and the bias `b` of the gyroscope. This is the explicit complementary filter of
-/// Mahony, Hamel and Pflimlin (IEEE TAC 53(5), 2008). Yaw is integrated from the gyroscope alone. The filter
-/// ignores a specific force whose magnitude differs from gravity by more than the fraction `tolerance`.
+/// The inputs are the angular velocity `omega` and the specific force `f` in the axes of the sensor. The
+/// filter estimates the attitude `R` of the sensor in the world (z up) and the bias `b` of the gyroscope.
+/// This is the explicit complementary filter of Mahony, Hamel and Pflimlin (IEEE TAC 53(5), 2008). Yaw is
+/// integrated from the gyroscope alone. The filter ignores a specific force whose magnitude differs from
+/// gravity by more than the fraction `tolerance`.
 ///
 /// ```
 /// use motorium_sensors::estimation::ComplementaryFilter;

@@ -64,8 +64,8 @@ impl SlopeEstimator {
         self.count = (self.count + 1).min(size);
     }
 
-    /// Returns the velocity, or `None` before two samples. Until `n` samples are available it uses fewer,
-    /// with a shorter delay.
+    /// Returns the velocity, or `None` before two samples. Until `n` samples have been added, the slope of
+    /// fewer samples is returned, with a shorter delay.
     pub fn slope(&self) -> Option<Slope> {
         if self.count < 2 {
             return None;

@@ -111,9 +111,9 @@ impl RayShape {
         matches!(self.surface, Surface::Terrain(_))
     }
 
-    /// Returns the distance \[m\] along a ray to the shape at `pose`, and the outward normal at the hit in
-    /// world axes. Returns `None` without a hit within `range` \[m\], or if the ray's origin is inside the
-    /// shape.
+    /// Casts a ray at the shape, placed at `pose`. Returns the distance \[m\] to the hit along the ray, and
+    /// the outward normal at the hit in world axes. Returns `None` without a hit within `range` \[m\], or if
+    /// the ray's origin is inside the shape.
     pub fn cast(&self, pose: &Isometry3<f64>, ray: &Ray, range: f64) -> Option<(f64, Vector3<f64>)> {
         let rotation: M3 = pose.rotation.to_rotation_matrix().into_inner().into();
         let (origin, direction) = (ray.origin.coords.into(), (*ray.direction).into());

@@ -6,7 +6,7 @@ pub enum TerrainError {
     /// A number is out of range.
     #[error("`{key}` is {value}, expected {expected}")]
     Value {
-        /// The key.
+        /// Key of the number.
         key: String,
         /// The value found.
         value: f64,
@@ -16,9 +16,9 @@ pub enum TerrainError {
     /// An equation does not parse.
     #[error("`{key}` = \"{text}\": {problem}")]
     Equation {
-        /// The key.
+        /// Key of the equation.
         key: String,
-        /// The equation.
+        /// Text of the equation.
         text: String,
         /// Position and description of the problem.
         problem: String,
@@ -26,14 +26,14 @@ pub enum TerrainError {
     /// An image cannot be read.
     #[error("`{key}` = \"{file}\": {problem}")]
     Picture {
-        /// The key.
+        /// Key of the image.
         key: String,
-        /// The file.
+        /// Path of the image file.
         file: String,
         /// Actual and expected values.
         problem: String,
     },
-    /// The grid has too many heights.
+    /// The grid is too fine: it has too many heights.
     #[error("a grid of {found:.3e} heights, expected at most {most:.0e}; raise `spacing` or lower `size`")]
     Fine {
         /// Requested number of heights.

@@ -6,7 +6,7 @@ use nalgebra::{Point3, Vector3};
 /// Number of cells along a side of a block; the highest point of each block is stored.
 pub(super) const BLOCK: i64 = 8;
 
-/// Ground as a grid of heights, with two triangles per cell. It is solid below.
+/// Ground as a grid of heights, with two triangles per cell. The ground is solid below the surface.
 ///
 /// Beyond the grid, the height continues as at the nearest edge. Each cell is split along the diagonal from
 /// its corner with the smallest x and y.
@@ -234,9 +234,9 @@ impl HeightField {
         out.dot(out) <= reach * reach
     }
 
-    /// Calls `visit` with the convex grid corners within `reach` \[m\] along x and y: corners that rise above
-    /// the line between their neighbours along an axis. Each has a unique number. A flat body touches these
-    /// corners first.
+    /// Calls `visit` with the number and the position of every peak within `reach` \[m\] along x and y. A
+    /// peak is a grid corner that rises above the line between its neighbours along an axis. A flat body
+    /// touches the peaks first.
     pub fn visit_peaks(&self, x: f64, y: f64, reach: f64, visit: &mut dyn FnMut(u32, Point3<f64>)) {
         let (u, v) = self.in_cells(x, y);
         let wide = reach / self.spacing;
@@ -264,9 +264,9 @@ const FLAT: f64 = 1e-3;
 const EDGES: [[i64; 2]; 3] = [[1, 0], [0, 1], [1, 1]];
 
 impl HeightField {
-    /// Calls `visit` with the convex edges within `reach` \[m\] along x and y. The edges of a body touch
-    /// these edges first. The arguments are a unique number below 2^32, both ends, and the normals of the
-    /// triangles on both sides.
+    /// Calls `visit` with every ridge (convex edge) within `reach` \[m\] along x and y. The edges of a body
+    /// touch the ridges first. The arguments of `visit` are the ridge's unique number below 2^32, its two
+    /// ends, and the normals of the triangles on its two sides.
     pub fn visit_ridges(
         &self,
         x: f64,

@@ -43,8 +43,8 @@ pub enum TerrainLayer {
     DiamondSquare {
         /// Maximum height above or below zero (m).
         height: f64,
-        /// Scale of the random heights at each level relative to the level of twice its length: 0 (smooth) to
-        /// 1 (rough). Default 0.5.
+        /// Ratio of the random heights at each level to the random heights at the next coarser level: 0
+        /// (smooth) to 1 (rough). Default 0.5.
         #[serde(default = "half")]
         roughness: f64,
     },

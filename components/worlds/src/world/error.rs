@@ -14,7 +14,7 @@ pub enum WorldError {
     Value {
         /// The object, `ground` or `world`.
         owner: String,
-        /// The field.
+        /// Name of the field.
         field: &'static str,
         /// The value found.
         value: f64,
@@ -27,7 +27,7 @@ pub enum WorldError {
     /// A mesh is unusable.
     #[error("{owner}: {error}")]
     Mesh {
-        /// The object.
+        /// Name of the object.
         owner: String,
         /// Error of the mesh file.
         error: MeshError,
@@ -35,7 +35,7 @@ pub enum WorldError {
     /// A mesh has no volume, so no convex hull can be computed.
     #[error("{name}: its mesh is flat and has no convex hull; use its triangles: collision = \"triangles\"")]
     FlatMesh {
-        /// The object.
+        /// Name of the object.
         name: String,
     },
     /// Neighbouring triangles face opposite sides.
@@ -45,7 +45,7 @@ pub enum WorldError {
          collision = {{ parts = 16 }}", .edge[0], .edge[1]
     )]
     TwistedMesh {
-        /// The object.
+        /// Name of the object.
         name: String,
         /// Ends of the edge, in the axes of the mesh \[m\].
         edge: [[f64; 3]; 2],
@@ -56,13 +56,13 @@ pub enum WorldError {
          remove `mass` and `density`"
     )]
     MovingTriangles {
-        /// The object.
+        /// Name of the object.
         name: String,
     },
     /// Properties or parts of an object are contradictory.
     #[error("{name}: {problem}")]
     Parts {
-        /// The object.
+        /// Name of the object.
         name: String,
         /// The problem.
         problem: &'static str,
@@ -88,7 +88,7 @@ pub enum WorldError {
     /// Both mass and density are specified.
     #[error("{name}: both `mass` and `density` are given; remove one")]
     TwoMasses {
-        /// The object.
+        /// Name of the object.
         name: String,
     },
     /// The file is not a world.
@@ -110,7 +110,7 @@ pub enum WorldError {
     /// Two objects have the same name, or a name is already in use.
     #[error("the object name \"{name}\" is taken by {by}; give the object another name")]
     NameTaken {
-        /// The name.
+        /// The duplicate name.
         name: String,
         /// Existing use of the name.
         by: &'static str,
@@ -123,7 +123,7 @@ pub enum WorldFileError {
     /// The file cannot be opened or read.
     #[error("{}: {reason}", .path.display())]
     Read {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
         /// Cause of the failure.
         reason: String,
@@ -131,7 +131,7 @@ pub enum WorldFileError {
     /// The file is not in a supported format.
     #[error("{}: the root element is <{root}>, expected <mujoco>, <robot> or <sdf>; use world = \"FILE.toml\" for a world in TOML", .path.display())]
     Format {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
         /// Root element of the file.
         root: String,
@@ -145,7 +145,7 @@ pub enum WorldFileError {
     /// The file contains an element that a world cannot represent.
     #[error("{}:{}:{}: {problem}", .path.display(), .at.line, .at.column)]
     Problem {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
         /// Position of the element.
         at: Position,

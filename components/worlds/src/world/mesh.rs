@@ -99,7 +99,7 @@ impl PartialEq for MeshShape {
 }
 
 impl MeshShape {
-    /// Creates a mesh shape from a file. It collides with its convex hull.
+    /// Creates a mesh shape from a file. The shape collides with the convex hull of the mesh.
     pub fn new(file: impl Into<PathBuf>) -> Self {
         let (scale, collision) = (unscaled(), MeshCollision::default());
         Self { file: file.into(), scale, collision, visual: None, read: Arc::default() }

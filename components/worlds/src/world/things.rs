@@ -42,7 +42,7 @@ pub struct Ground {
     /// surfaces. Default 0.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub restitution: f64,
-    /// Moves the surface along itself, as on a treadmill. Default: at rest.
+    /// Tangential motion of the surface, as on a treadmill. Default: at rest.
     pub conveyor: Option<Conveyor>,
     /// Softness: contact points yield like a spring and a damper. Default: the surface is rigid.
     pub soft: Option<Softness>,
@@ -67,7 +67,7 @@ impl Default for Ground {
     }
 }
 
-/// A surface that moves along itself while its body stays in place, like a conveyor belt.
+/// A surface that moves tangentially while its body stays in place, like a conveyor belt.
 ///
 /// Friction accelerates objects on it until they move with it. Its speed does not depend on the load.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -143,7 +143,7 @@ pub struct Object {
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 1.0))]
     pub restitution: f64,
-    /// Moves the surface along itself, as on a conveyor belt. Default: at rest.
+    /// Tangential motion of the surface, as on a conveyor belt. Default: at rest.
     #[serde(default)]
     pub conveyor: Option<Conveyor>,
     /// Drag area: drag coefficient times frontal area (m2). The drag force acts at the object's centre and

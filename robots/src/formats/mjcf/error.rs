@@ -33,7 +33,7 @@ pub enum MjcfProblem {
     /// The XML is not well-formed.
     #[error("not well-formed XML: {0}")]
     Xml(String),
-    /// The root element is not `<mujoco>`; its name.
+    /// The root element is not `<mujoco>`, but an element with this name.
     #[error("the root element is <{0}>, expected <mujoco>")]
     Root(String),
     /// The element with this name is not supported.

@@ -48,7 +48,7 @@ pub enum UrdfProblem {
     /// The file is an unexpanded xacro file.
     #[error("this is a xacro file, not yet URDF; expand it first: xacro IN.urdf.xacro > OUT.urdf")]
     Xacro,
-    /// The root element is not `<robot>`; its name.
+    /// The root element is not `<robot>`, but an element with this name.
     #[error("the root element is <{0}>, expected <robot>")]
     Root(String),
     /// The robot has no links.
@@ -78,7 +78,7 @@ pub enum UrdfProblem {
         /// Name of the repeated child element.
         child: &'static str,
     },
-    /// The value of an attribute is not the expected number of numbers.
+    /// The value of an attribute is not a list of numbers of the expected length.
     #[error("{attribute}=\"{value}\" of <{element}>: expected {}", numbers(*.expected))]
     Number {
         /// Name of the element.
@@ -87,7 +87,7 @@ pub enum UrdfProblem {
         attribute: &'static str,
         /// Value of the attribute.
         value: String,
-        /// Expected number of numbers.
+        /// Expected length of the list.
         expected: usize,
     },
     /// The orientation is a quaternion, which is not supported.
@@ -151,10 +151,10 @@ pub enum UrdfProblem {
         /// Name of the other joint.
         second: String,
     },
-    /// More than one link has no parent joint; the names of these links.
+    /// Several links, with these names, have no parent joint.
     #[error("the robot has {} root links: {}; connect them with (fixed) joints", .0.len(), .0.join(", "))]
     SeveralRoots(Vec<String>),
-    /// Links form a cycle; their names in order.
+    /// The links with these names, in this order, form a loop.
     #[error("the links form a loop: {}; a URDF must be a tree", .0.join(" -> "))]
     Loop(Vec<String>),
     /// The joint mimics an undefined joint.
@@ -183,15 +183,15 @@ pub enum UrdfProblem {
     MimicOfSeveral {
         /// Name of the joint.
         joint: String,
-        /// Name of the joint that it mimics.
+        /// Name of the mimicked joint.
         of: String,
         /// Type of the mimicked joint: `floating` or `planar`.
         kind: &'static str,
     },
-    /// Joints mimic each other in a loop; their names in order.
+    /// The joints with these names, in this order, mimic each other in a loop.
     #[error("the joints mimic each other in a loop: {}", .0.join(" -> "))]
     MimicLoop(Vec<String>),
-    /// A revolute or prismatic joint has no limits; its name.
+    /// The revolute or prismatic joint with this name has no limits.
     #[error(
         "joint \"{0}\" has no <limit>; a revolute or prismatic joint needs one (an unlimited joint is \"continuous\")"
     )]

@@ -153,7 +153,7 @@ pub(crate) fn extent(mesh: &TriangleMesh) -> Vector3<f64> {
 
 impl ModelWarning {
     /// Returns a warning if an angle \[rad\] was probably written in degrees. `what` names the value and its
-    /// owner, and `format` is the rule of the file, such as `URDF has radians`.
+    /// owner, and `format` states the unit rule of the file format, such as `URDF has radians`.
     ///
     /// ```
     /// use motorium_robots::ModelWarning;

@@ -57,7 +57,7 @@ pub enum ModelWarning {
     ManyTurns {
         /// Name of the joint.
         joint: String,
-        /// The rule of the file, such as `URDF has radians`.
+        /// Unit rule of the file format, such as `URDF has radians`.
         format: &'static str,
         /// Lower limit \[rad\].
         lower: f64,
@@ -144,11 +144,12 @@ pub enum ModelWarning {
         joint: String,
         /// Name of the joint that follows it.
         follower: String,
-        /// Lower limit at which the follower is within its own limits \[rad or m\].
+        /// Lowest position of the followed joint at which the follower is within its own limits \[rad or m\].
         lower: f64,
-        /// Upper limit at which the follower is within its own limits \[rad or m\].
+        /// Highest position of the followed joint at which the follower is within its own limits \[rad or
+        /// m\].
         upper: f64,
-        /// Lower and upper limit in the file \[rad or m\].
+        /// Lower and upper limit of the followed joint in the file \[rad or m\].
         file: [f64; 2],
     },
     /// A follower restricts the velocity of a joint.
@@ -160,9 +161,10 @@ pub enum ModelWarning {
         joint: String,
         /// Name of the joint that follows it.
         follower: String,
-        /// Velocity at which the follower moves at its own limit \[rad/s or m/s\].
+        /// Velocity of the followed joint at which the follower reaches its own velocity limit \[rad/s or
+        /// m/s\].
         velocity: f64,
-        /// Velocity limit in the file \[rad/s or m/s\].
+        /// Velocity limit of the followed joint in the file \[rad/s or m/s\].
         file: f64,
     },
     /// A follower is outside its range at every position of its leader.
@@ -252,7 +254,8 @@ pub enum ModelWarning {
         /// Maximum plausible velocity \[m/s\].
         most: f64,
     },
-    /// An unknown name is similar to a known one, for which the default is used.
+    /// An unknown name is similar to a known name and probably misspelt. The known name has its default
+    /// value.
     #[error(
         "\"{found}\" of <{element}> is unknown and has no effect (line {}, column {}); did you mean \"{expected}\"?",
         .at.line, .at.column
@@ -290,7 +293,7 @@ pub enum ModelWarning {
     Degrees {
         /// Description of the value, and the element, object or robot that it belongs to.
         what: String,
-        /// The rule of the file, such as `URDF has radians`.
+        /// Unit rule of the file format, such as `URDF has radians`.
         format: &'static str,
         /// The angle \[rad\].
         angle: f64,
@@ -350,7 +353,7 @@ struct Shared<'w> {
 }
 
 impl ModelWarning {
-    /// Formats the warnings. Links or joints with the same defect share one text.
+    /// Summarises the warnings, one text per defect: links or joints with the same defect share a text.
     ///
     /// ```
     /// use motorium_robots::ModelWarning;

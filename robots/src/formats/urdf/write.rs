@@ -8,7 +8,7 @@ use nalgebra::Isometry3;
 
 use crate::{Coordinate, Frame, Geometry, Inertia, JointKind, LinkColours, Model, Shape, TriangleMesh};
 
-/// A robot as URDF text.
+/// A robot drawn as URDF text, with the meshes to which the text refers.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DrawnRobot {
     /// URDF text.

@@ -54,8 +54,8 @@ pub fn right_jacobian_inverse(xi: &Vector6<f64>) -> Matrix6<f64> {
     left_jacobian_inverse(&-xi)
 }
 
-/// Returns the adjoint of `motion`. It maps the velocity of a frame in its own axes and at its own origin to
-/// the axes and the origin of the frame in which `motion` is expressed.
+/// Returns the adjoint of `motion`, the pose of a frame A in a frame B. The adjoint maps a spatial velocity
+/// at the origin and in the axes of A to the same velocity at the origin and in the axes of B.
 pub fn adjoint(motion: &Isometry3<f64>) -> Matrix6<f64> {
     let rotation = motion.rotation.to_rotation_matrix().into_inner();
     triangular(&rotation, &(motion.translation.vector.cross_matrix() * rotation))

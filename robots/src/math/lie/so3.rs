@@ -38,7 +38,8 @@ pub fn left_jacobian_inverse(phi: &Vector3<f64>) -> Matrix3<f64> {
     Matrix3::identity() - cross * 0.5 + cross * cross * coefficients::left_inverse(phi.norm())
 }
 
-/// Returns the right Jacobian at `phi`, which is the left Jacobian at `-phi` and its transpose.
+/// Returns the right Jacobian at `phi`. It equals both the left Jacobian at `-phi` and the transpose of the
+/// left Jacobian at `phi`.
 pub fn right_jacobian(phi: &Vector3<f64>) -> Matrix3<f64> {
     left_jacobian(&-phi)
 }
@@ -48,8 +49,8 @@ pub fn right_jacobian_inverse(phi: &Vector3<f64>) -> Matrix3<f64> {
     left_jacobian_inverse(&-phi)
 }
 
-/// Returns the smallest rotation from `from` to `to`. For vectors that are opposite up to rounding, it is a
-/// rotation by pi about an axis perpendicular to `from`.
+/// Returns the smallest rotation from `from` to `to`. For vectors that are opposite up to rounding, the
+/// result is a rotation by pi about an axis perpendicular to `from`.
 ///
 /// The result is accurate to rounding at every angle: sine and cosine of half the angle are computed from the
 /// lengths of the difference and the sum.

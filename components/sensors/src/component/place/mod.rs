@@ -21,9 +21,9 @@ pub use magnetometer::{Magnetometer, MagnetometerConfig};
 pub trait PlaceSensor: Sized + 'static {
     /// Name of the kind.
     const KIND: &'static str;
-    /// One-line summary.
+    /// One-line summary of the kind.
     const SUMMARY: &'static str;
-    /// Name and description of the output.
+    /// Name and description of the output port.
     const PORT: (&'static str, &'static str);
     /// Number of values in a reading.
     const WIDTH: usize;

@@ -30,7 +30,7 @@ use view::{Look, View};
 
 /// The configuration of a ray-casting sensor.
 pub trait RaysConfig: SensorConfig {
-    /// Returns the mount of the sensor and what it can see.
+    /// Returns the mount of the sensor and the world seen by the sensor.
     fn seen(&self) -> Seen<'_>;
 }
 
@@ -38,13 +38,13 @@ pub trait RaysConfig: SensorConfig {
 pub trait RangeSensor: Sized + 'static {
     /// Name of the kind.
     const KIND: &'static str;
-    /// One-line summary.
+    /// One-line summary of the kind.
     const SUMMARY: &'static str;
     /// `true` if the sensor sees colours and receives them by [`dress`](Self::dress). Default false.
     const SEES_COLOURS: bool = false;
-    /// Its configuration.
+    /// Configuration of the sensor.
     type Config: RaysConfig + serde::de::DeserializeOwned + JsonSchema;
-    /// Its outputs.
+    /// Output ports of the sensor.
     type Outputs;
 
     /// Creates the sensor from a seed, with the errors of an episode.
@@ -54,9 +54,9 @@ pub trait RangeSensor: Sized + 'static {
     fn new(config: &Self::Config, seed: u64, draw: &SensorDraw) -> Result<Self, ConfigError>;
     /// Returns the number of values in a reading.
     fn width(&self) -> usize;
-    /// Declares the outputs.
+    /// Declares the output ports.
     fn declare(&self, declare: &mut Declare);
-    /// Opens the outputs.
+    /// Opens the output ports.
     ///
     /// # Errors
     /// A port cannot be opened.

@@ -330,7 +330,8 @@ impl InvariantFilter {
     }
 
     /// Returns the covariance of the errors of rotation (a rotation vector in world axes), velocity and
-    /// position, in this order. It follows from `v_est - v = xi_v - [v] xi_R`, and likewise for the position.
+    /// position, in this order. This covariance follows from the invariant covariance by `v_est - v = xi_v -
+    /// [v] xi_R`, and likewise for the position.
     pub fn covariance(&self) -> SMatrix<f64, 9, 9> {
         let invariant = self.invariant_covariance().fixed_view::<9, 9>(0, 0).into_owned();
         let mut map = SMatrix::<f64, 9, 9>::identity();
