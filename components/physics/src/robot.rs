@@ -193,6 +193,8 @@ pub(crate) struct State {
     velocities: Vec<f64>,
     efforts: Vec<f64>,
     pub(crate) tau_next: Vec<f64>,
+    /// One entry per drive: true if its acceleration limit changed its effort in the last step.
+    pub(crate) restrained: Vec<bool>,
 }
 
 /// The saved state of a robot.
@@ -221,12 +223,14 @@ impl State {
             velocities: drive.clone(),
             efforts: drive.clone(),
             tau_next: drive,
+            restrained: vec![false; drives],
         }
     }
 
     /// Sets the efforts of these drives to zero.
     pub(crate) fn clear_efforts(&mut self, drives: Range<usize>) {
-        self.efforts[drives].fill(0.0);
+        self.efforts[drives.clone()].fill(0.0);
+        self.restrained[drives].fill(false);
     }
 }
 
@@ -315,6 +319,7 @@ impl Robot {
         self.state.q_last.copy_from_slice(q);
         self.state.v.copy_from_slice(v);
         self.state.efforts.fill(0.0);
+        self.state.restrained.fill(false);
         self.commands.fill(JointSetpoint::default());
         self.refresh();
         Ok(())

@@ -247,6 +247,12 @@ impl<E: Engine> Simulation<E> {
         Ok(simulation)
     }
 
+    /// Returns one entry per drive: true if the acceleration limit of its setpoint changed its effort in the
+    /// last step ([`max_acceleration`](JointSetpoint::max_acceleration)).
+    pub fn restrained(&self) -> &[bool] {
+        &self.robot.state.restrained
+    }
+
     /// Returns the engine settings.
     pub fn options(&self) -> &Options {
         &self.options

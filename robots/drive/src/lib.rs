@@ -4,8 +4,10 @@
 //! type, one impedance law and one braking law. The functions bound a setpoint's range ([`within_range`]) and
 //! its rate of change ([`within_rate`]); the gate and the training environments share them.
 
+mod acceleration;
 mod limits;
 mod setpoint;
 
+pub use acceleration::{ACCELERATION_BAND, STOPPING_SHARE};
 pub use limits::{RANGE_TOLERANCE, ROUNDING, within_range, within_rate};
 pub use setpoint::{BRAKING_BAND, JointSetpoint};

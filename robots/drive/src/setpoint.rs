@@ -17,6 +17,10 @@
 /// limit, the drive brakes with the maximum effort that the setpoint requests at up to twice the velocity
 /// limits.
 ///
+/// A joint with `max_acceleration` is also kept within the velocities that
+/// [`end_velocities`](Self::end_velocities) returns, by any effort within the effort limit. This effort
+/// depends on the other joints, so [`effort_at`](Self::effort_at) does not include it.
+///
 /// ```
 /// use motorium_drive::JointSetpoint;
 ///
@@ -42,6 +46,14 @@ pub struct JointSetpoint {
     /// Maximum velocity \[rad/s or m/s\], positive, beyond which the drive brakes; infinity for no limit. CAN
     /// drives ignore this field and apply their own limits.
     pub max_velocity: f64,
+    /// Largest acceleration of the joint in either direction \[rad/s2 or m/s2\]; infinity for no limit. It
+    /// depends on the dynamics of the whole robot: only drives of the articulated engine apply it, within
+    /// their effort limits, in robots with a fixed base that nothing touches or pushes
+    /// ([`end_velocities`](Self::end_velocities)).
+    pub max_acceleration: f64,
+    /// If set, the velocity of the position setpoint \[rad/s or m/s\], with which the joint arrives there: it
+    /// approaches only as fast as it can slow down to it. Ignored without `max_acceleration` or `kp`.
+    pub arrival_velocity: Option<f64>,
 }
 
 /// Width of the band in which a drive changes from full effort to full braking, as a fraction of the larger
@@ -52,7 +64,17 @@ impl Default for JointSetpoint {
     /// Zero effort at any velocity.
     fn default() -> Self {
         let (min_velocity, max_velocity) = (f64::NEG_INFINITY, f64::INFINITY);
-        Self { position: 0.0, velocity: 0.0, effort: 0.0, kp: 0.0, kd: 0.0, min_velocity, max_velocity }
+        Self {
+            position: 0.0,
+            velocity: 0.0,
+            effort: 0.0,
+            kp: 0.0,
+            kd: 0.0,
+            min_velocity,
+            max_velocity,
+            max_acceleration: f64::INFINITY,
+            arrival_velocity: None,
+        }
     }
 }
 

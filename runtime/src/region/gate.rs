@@ -58,7 +58,7 @@ pub enum LimitKind {
     PositionRate = 1,
     /// The velocity setpoint exceeds the velocity limit.
     Velocity = 2,
-    /// The velocity setpoint changes faster than the acceleration limit allows.
+    /// The velocity setpoint, or the joint, accelerates beyond the acceleration limit.
     Acceleration = 3,
     /// The feed-forward effort exceeds the effort limit.
     Effort = 4,

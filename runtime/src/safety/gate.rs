@@ -3,6 +3,7 @@
 use motorium_drive::JointSetpoint;
 
 use super::account::Account;
+use super::arrival::Arrivals;
 use super::limits::{Before, Bounds, JointLimits, SLOWEST_LIMIT};
 use super::offer::{Measured, Offer, Verdict};
 use super::rest::{Rest, Reversals};
@@ -10,7 +11,7 @@ use super::resume::Resume;
 use super::states::{Joint, enter, soften, stay};
 use super::within::Envelope;
 use crate::plan::{GateRules, LimitPolicy, ResumeRule, SafeState};
-use crate::region::{GateState, Refusal};
+use crate::region::{GateState, LimitKind, Refusal};
 use crate::state::Field as _;
 
 /// Minimum time for which the positions of a late command are extrapolated with its velocities, s. Without
@@ -59,6 +60,7 @@ pub struct Gate {
     gravity: Vec<f64>,
     envelope: Envelope,
     resume: Resume,
+    arrivals: Arrivals,
     rest: Rest,
     reversals: Vec<Reversals>,
 }
@@ -80,6 +82,7 @@ impl Gate {
             gravity: vec![0.0; count],
             envelope: Envelope::from_limits(&joints),
             resume: Resume::new(count),
+            arrivals: Arrivals::new(count),
             rest: Rest::default(),
             reversals: vec![Reversals::default(); count],
             joints,
@@ -93,6 +96,7 @@ impl Gate {
         self.next.fill(JointSetpoint::default());
         self.gravity.fill(0.0);
         (self.held_for, self.goes_on_for) = (0.0, 0.0);
+        self.arrivals.reset();
         self.rest = Rest::default();
     }
 
@@ -141,6 +145,7 @@ impl Gate {
         account: &impl Account,
     ) -> Verdict {
         let follows = self.state == GateState::Following && !self.latched && !self.resume.fades();
+        let follows = follows && !self.arrivals.any();
         let (position, over) = (measured.position, offer.ahead.max(dt));
         let at = (position, measured.velocity);
         if follows && offer.is_new && self.envelope.apply(offer.command, at, over, &mut self.setpoints) {
@@ -149,7 +154,30 @@ impl Gate {
         }
         let verdict = self.check_command(offer, measured, dt, account);
         self.bound_velocities(position);
+        if self.state != GateState::Safe {
+            self.arrivals.bound(&mut self.setpoints, self.envelope.bounds());
+        }
         verdict
+    }
+
+    /// Notes the joints whose drives the acceleration limit of their setpoint
+    /// ([`max_acceleration`](JointSetpoint::max_acceleration)) restrained in the last step, of `dt` s, which
+    /// ended at `position`. Call it before the next [`offer`](Self::offer), if the drives report it. A joint
+    /// that follows a command then counts as limited once per step.
+    #[inline]
+    pub fn note_restrained(
+        &mut self,
+        restrained: &[bool],
+        position: &[f64],
+        dt: f64,
+        account: &impl Account,
+    ) {
+        let at = (self.setpoints.as_slice(), position);
+        self.arrivals.note(restrained, at, self.envelope.bounds(), dt);
+        if self.arrivals.any() && self.state == GateState::Following {
+            let limited = restrained.iter().enumerate().filter(|(_, restrained)| **restrained);
+            limited.for_each(|(joint, _)| account.limited(joint, LimitKind::Acceleration));
+        }
     }
 
     /// Starts to extrapolate the positions of the command with its velocities, until the next command is due.
@@ -335,12 +363,18 @@ impl Gate {
                 let fastest = share * limits.velocity;
                 next.velocity = next.velocity.max(-fastest).min(fastest);
             }
+            let mut is_clamped = false;
+            let rate = (next.position - before.position) / over;
             limits.clamp_rates(next, before, (share, over), |kind| {
                 exceeds |= !fades;
+                is_clamped |= kind == LimitKind::PositionRate;
                 if offer.is_new && !fades {
                     account.limited(i, kind);
                 }
             });
+            if offer.is_new {
+                self.arrivals.note_rate(i, (!is_clamped).then_some(rate));
+            }
         }
         if exceeds && self.rules.limits == LimitPolicy::Refuse {
             if offer.is_new {

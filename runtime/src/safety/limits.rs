@@ -102,6 +102,17 @@ impl Bounds {
         }
     }
 
+    /// Returns the acceleration limit of a setpoint with these gains; infinite for pure effort.
+    #[inline]
+    pub(super) fn acceleration_of(&self, kp: f64, kd: f64) -> f64 {
+        if kp > 0.0 || kd > 0.0 { self.acceleration } else { f64::INFINITY }
+    }
+
+    /// Returns the distance in which the joint stops from its velocity limit, rad or m; zero without limits.
+    pub(super) fn braking_distance(&self) -> f64 {
+        self.distance
+    }
+
     /// Returns the lowest and highest velocity allowed at position `q`.
     #[inline]
     pub(super) fn velocities_at(&self, q: f64) -> (f64, f64) {

@@ -19,6 +19,7 @@
 //! clamped, or refused if the graph sets `limits = "refuse"`.
 
 mod account;
+mod arrival;
 mod emergency;
 mod freshness;
 mod gate;

@@ -231,6 +231,15 @@ impl CommandGate {
         verdict
     }
 
+    /// Notes the joints whose drives the acceleration limit of their setpoint restrained in the last step, of
+    /// `dt` s, which ended at `position`. Call it before [`check_for`](Self::check_for), if the drives report
+    /// it.
+    #[inline]
+    pub fn note_restrained(&mut self, restrained: &[bool], position: &[f64], dt: f64) {
+        let account = GroupAccount::new(self.context.block(), self.first_joint);
+        self.gate.note_restrained(restrained, position, dt, &account);
+    }
+
     /// Checks the newest command and sets the [`setpoints`](Self::setpoints) of this step. Call it once per
     /// step.
     pub fn check(&mut self, input: &mut Input<JointCommand>, measured: Measured<'_>) -> Verdict {

@@ -76,6 +76,8 @@ impl Envelope {
                 kd: kd[i],
                 min_velocity,
                 max_velocity,
+                max_acceleration: self.bounds[i].acceleration_of(kp[i], kd[i]),
+                arrival_velocity: None,
             };
         }
         true

@@ -216,7 +216,7 @@ impl Actuators {
 
 /// Converts the command of a drive with this effort limit into a command at its motor.
 fn drive_command(command: &JointSetpoint, limit: f64) -> DriveCommand {
-    let JointSetpoint { position, velocity, effort, kp, kd, min_velocity, max_velocity } = *command;
+    let JointSetpoint { position, velocity, effort, kp, kd, min_velocity, max_velocity, .. } = *command;
     DriveCommand {
         position,
         velocity,

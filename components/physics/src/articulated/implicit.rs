@@ -4,7 +4,7 @@ use motorium_robots::{MassFactor, Model};
 use nalgebra::DMatrix;
 
 use super::events::JointEvents;
-use super::laws::{Friction, Laws, Mode, START};
+use super::laws::{Drive, Friction, Laws, Mode, START};
 use crate::JointSetpoint;
 use crate::joint::JointProperties;
 
@@ -37,6 +37,8 @@ pub(super) struct ImplicitSolver {
     pub(super) held: Vec<bool>,
     /// Generalized external impulse (nv).
     pub(super) impulse: Vec<f64>,
+    /// True for joints whose acceleration limit changed their effort in the last step.
+    restrained: Vec<bool>,
 }
 
 /// Maximum number of sweeps of the relaxation, the fallback if the active set cycles.
@@ -55,7 +57,12 @@ impl ImplicitSolver {
             factor: MassFactor::new(model),
             held: vec![false; n],
             impulse: vec![0.0; n],
+            restrained: vec![false; model.joint_count()],
         }
+    }
+
+    pub(super) fn restrained(&self) -> &[bool] {
+        &self.restrained
     }
 
     pub(super) fn forget(&mut self) {
@@ -74,12 +81,13 @@ impl ImplicitSolver {
         fits
     }
 
-    /// Begins a step: computes the laws of all joints. In a midpoint step, `middle` contains the positions at
+    /// Begins a step: computes the laws of all joints, with the acceleration limits of `commands` if it is
+    /// `restrained`. In a midpoint step, `middle` contains the positions at
     /// the midpoint.
     pub(super) fn begin(
         &mut self,
         (joints, commands, bounds): (&[JointProperties], &[JointSetpoint], &[[f64; 2]]),
-        start: &Start<'_>,
+        (start, restrained): (&Start<'_>, bool),
         middle: Option<&[f64]>,
     ) {
         let offset = start.v.len() - joints.len();
@@ -87,11 +95,19 @@ impl ImplicitSolver {
         self.laws.resize(offset, Laws::FREE);
         for (i, (joint, command)) in joints.iter().zip(commands).enumerate() {
             let laws = Laws::new(joint, command, bounds[i], (start.q[i], start.h));
-            self.laws.push(match middle {
+            let mut laws = match middle {
                 Some(middle) => laws.midway(joint, [start.q[i], middle[i]], start.h),
                 None => laws,
-            });
+            };
+            if restrained && command.max_acceleration.is_finite() {
+                let now = (start.q[i], start.v[offset + i]);
+                laws.restrain(command.end_velocities(now, [joint.lower, joint.upper], start.h));
+            }
             let mode = &mut self.modes[offset + i];
+            if mode.drive.is_restrained() && !laws.has_window() {
+                mode.drive = Drive::Linear;
+            }
+            self.laws.push(laws);
             match (joint.friction > 0.0, mode.friction) {
                 (true, Friction::None) => mode.friction = Friction::Stick,
                 (false, _) => mode.friction = Friction::None,
@@ -133,10 +149,17 @@ impl ImplicitSolver {
     }
 
     /// Ends a step: computes the efforts of the drives (one per joint) at the end velocity `x`.
-    pub(super) fn finish(&self, x: &[f64], tau: &mut [f64]) -> JointEvents {
+    pub(super) fn finish(&mut self, start: &Start<'_>, x: &[f64], tau: &mut [f64]) -> JointEvents {
         let mut events = JointEvents::default();
-        for ((laws, x), tau) in self.laws.iter().zip(x).skip(x.len() - tau.len()).zip(tau) {
-            *tau = laws.drive(*x);
+        let offset = x.len() - tau.len();
+        for (joint, (laws, tau)) in self.laws[offset..].iter().zip(tau).enumerate() {
+            let (i, at) = (offset + joint, x[offset + joint]);
+            (*tau, self.restrained[joint]) = laws.restrained_drive(at, || {
+                let outside = start.bias[i] - self.impulse[i] / start.h;
+                let friction = if at == 0.0 { 0.0 } else { laws.friction.copysign(at) };
+                inertial(start, x, i) / start.h + outside - laws.passive_force(at) + friction
+            });
+            let x = &at;
             events.saturated += usize::from(laws.is_saturated(*x));
             events.at_limit += usize::from(*x == laws.slowest || *x == laws.fastest);
         }

@@ -22,10 +22,10 @@ use crate::{Integrator, JointSetpoint};
 /// q+ = q + h v+
 /// ```
 ///
-/// with the drive law `tau` of [`JointSetpoint`], viscous damping `D`, Coulomb friction that can stick, and
-/// inelastic limit stops. During the step, a floating base translates along a straight line and rotates about
-/// a fixed axis. Its velocity is expressed in axes that do not rotate during the step, so rotation alone does
-/// not change it.
+/// with the drive law `tau` of [`JointSetpoint`] without its acceleration limit, viscous damping `D`, Coulomb
+/// friction that can stick, and inelastic limit stops. During the step, a floating base translates along a
+/// straight line and rotates about a fixed axis. Its velocity is expressed in axes that do not rotate during
+/// the step, so rotation alone does not change it.
 ///
 /// Each term is a monotone function of its own `v+_i`, and `M` is positive definite. The problem is therefore
 /// strictly convex and has a unique solution for any gains. An active set finds the solution. A joint's drive
@@ -138,6 +138,11 @@ impl JointSpaceIntegrator {
         self.solver.forget();
     }
 
+    /// Returns one entry per joint: true if its acceleration limit changed its effort in the last step.
+    pub(super) fn restrained(&self) -> &[bool] {
+        self.solver.restrained()
+    }
+
     /// Returns the modes of the last step, which start the next one.
     pub(crate) fn modes(&self) -> &[Mode] {
         self.solver.modes()
@@ -164,7 +169,7 @@ impl JointSpaceIntegrator {
         h: f64,
         tau: &mut [f64],
     ) -> Result<JointEvents, Singular> {
-        self.begin(model, (&*q, &*v), commands, (gravity, &[]), (h, self.method));
+        self.begin(model, (&*q, &*v), commands, (gravity, &[]), (h, self.method, false));
         let mut settled = false;
         for _ in 0..GUESSES {
             self.find_free(model, (&*q, &*v), h)?;
@@ -178,24 +183,25 @@ impl JointSpaceIntegrator {
 
     /// Begins a step. `force` is a generalized force in addition to gravity (nv, or empty). For each guess of
     /// the modes, the caller runs [`find_free`](Self::find_free), applies contact impulses and runs
-    /// [`confirm`](Self::confirm). It then calls [`finish`](Self::finish).
+    /// [`confirm`](Self::confirm). It then calls [`finish`](Self::finish). The acceleration limits of
+    /// `commands` apply if the step is `restrained`.
     pub(super) fn begin(
         &mut self,
         model: &Model,
         (q, v): (&[f64], &[f64]),
         commands: &[JointSetpoint],
         forces: (Vector3<f64>, &[f64]),
-        (h, method): (f64, Integrator),
+        (h, method, restrained): (f64, Integrator, bool),
     ) {
         self.midway = method == Integrator::Midpoint && self.is_far_from_stops(model, (q, v), h);
         if self.midway {
-            self.begin_midway(model, (q, v), commands, forces, h);
+            self.begin_midway(model, (q, v), commands, forces, (h, restrained));
             return;
         }
         self.assemble_mass(model, q);
         self.assemble_bias(model, (q, v), forces);
         let start = Start { q: model.joints_of_q(q), v, h, mass: &self.mass, bias: self.bias.as_slice() };
-        self.solver.begin((&self.joints, commands, &self.bounds), &start, None);
+        self.solver.begin((&self.joints, commands, &self.bounds), (&start, restrained), None);
     }
 
     /// Begins a step of the midpoint rule. A first solution provides the mean velocity at which the bias of
@@ -206,7 +212,7 @@ impl JointSpaceIntegrator {
         (q, v): (&[f64], &[f64]),
         commands: &[JointSetpoint],
         forces: (Vector3<f64>, &[f64]),
-        h: f64,
+        (h, restrained): (f64, bool),
     ) {
         let mut taken = [&mut self.q_middle, &mut self.v_middle, &mut self.v_mean].map(core::mem::take);
         let [q_middle, v_middle, v_mean] = &mut taken;
@@ -217,7 +223,8 @@ impl JointSpaceIntegrator {
         self.assemble_bias(model, (q_middle, v_middle), forces);
         let (x, mass, bias) = (self.v_next.as_mut_slice(), &self.mass, self.bias.as_slice());
         let start = Start { q: model.joints_of_q(q), v: v_middle, h, mass, bias };
-        self.solver.begin((&self.joints, commands, &self.bounds), &start, Some(model.joints_of_q(q_middle)));
+        let middle = Some(model.joints_of_q(q_middle));
+        self.solver.begin((&self.joints, commands, &self.bounds), (&start, restrained), middle);
         for _ in 0..GUESSES {
             // A singular matrix is reported when the end velocity is computed.
             if self.solver.solve_modes(&start, x).is_err() || self.solver.confirm(&start, x) {
@@ -317,12 +324,13 @@ impl JointSpaceIntegrator {
         tau: &mut [f64],
     ) -> JointEvents {
         let x = self.v_next.as_mut_slice();
+        let before = if self.midway { self.v_middle.as_slice() } else { &*v };
+        let (mass, bias) = (&self.mass, self.bias.as_slice());
+        let start = Start { q: model.joints_of_q(q), v: before, h, mass, bias };
         if !settled {
-            let v = if self.midway { self.v_middle.as_slice() } else { &*v };
-            let start = Start { q: model.joints_of_q(q), v, h, mass: &self.mass, bias: self.bias.as_slice() };
             self.solver.relax(&start, x);
         }
-        let events = self.solver.finish(x, tau);
+        let events = self.solver.finish(&start, x, tau);
         if self.midway {
             q.copy_from_slice(&self.q_middle);
             integrate_position(model, q, x, 0.5 * h);

@@ -22,6 +22,24 @@ pub(crate) enum Drive {
     SlowForwards,
     /// Backwards beyond the velocity limit.
     SlowBackwards,
+    /// At the highest velocity that the acceleration limit allows, by whatever effort that needs.
+    HeldForwards,
+    /// At the lowest velocity that the acceleration limit allows.
+    HeldBackwards,
+    /// Beyond the highest velocity, despite full effort backwards.
+    BeyondForwards,
+    /// Beyond the lowest velocity, despite full effort forwards.
+    BeyondBackwards,
+}
+
+impl Drive {
+    /// Returns `true` if the acceleration limit determines the effort.
+    pub(super) fn is_restrained(self) -> bool {
+        matches!(
+            self,
+            Self::HeldForwards | Self::HeldBackwards | Self::BeyondForwards | Self::BeyondBackwards
+        )
+    }
 }
 
 /// The initial modes of a joint.
@@ -65,7 +83,12 @@ pub(crate) struct Laws {
     /// Range of `v+` that the stops allow.
     pub(super) slowest: f64,
     pub(super) fastest: f64,
+    /// Range of `v+` that the acceleration limit allows.
+    window: [f64; 2],
 }
+
+/// Window of a joint without an acceleration limit.
+const NO_WINDOW: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
 
 /// Decay rate of the distance of a joint beyond its stop \[1/s\]. Kept low, because correcting the distance
 /// within one step would cause an impact.
@@ -92,6 +115,7 @@ impl Laws {
         friction: 0.0,
         slowest: f64::NEG_INFINITY,
         fastest: f64::INFINITY,
+        window: NO_WINDOW,
     };
 
     /// Creates the laws of a step of `h` from position `q`. The drive's effort is limited to `low` and
@@ -125,6 +149,61 @@ impl Laws {
             friction: joint.friction,
             slowest: reach(joint.lower - q, q < joint.lower, h),
             fastest: reach(joint.upper - q, q > joint.upper, h),
+            window: NO_WINDOW,
+        }
+    }
+
+    /// Sets the range of end velocities that the acceleration limit allows.
+    pub(super) fn restrain(&mut self, window: [f64; 2]) {
+        self.window = window;
+    }
+
+    /// Returns the force of the joint's spring and damping at velocity `v`.
+    pub(super) fn passive_force(&self, v: f64) -> f64 {
+        self.spring - self.damping * v
+    }
+
+    /// Returns `true` if the acceleration limit bounds the end velocity.
+    pub(super) fn has_window(&self) -> bool {
+        self.window != NO_WINDOW
+    }
+
+    /// Returns the drive effort at end velocity `x`, with the effort `needed` at an end of the window, and
+    /// whether it differs from the setpoint's.
+    pub(super) fn restrained_drive(&self, x: f64, needed: impl FnOnce() -> f64) -> (f64, bool) {
+        let free = self.drive(x);
+        let [low, high] = self.window;
+        let effort = if x > low && x < high {
+            return (free, false);
+        } else if x == high {
+            needed().min(free).max(self.low)
+        } else if x == low {
+            needed().max(free).min(self.high)
+        } else if x > high {
+            self.low
+        } else {
+            self.high
+        };
+        (effort, effort != free)
+    }
+
+    /// Returns the branch of the drive at the end velocity `x` that was found in `mode`, with the
+    /// acceleration limit. `missing` is the drive effort that keeps a held velocity.
+    fn restrained_mode(&self, mode: Drive, x: f64, missing: f64) -> Drive {
+        let [low, high] = self.window;
+        let slack = 1e-13 * (1.0 + x.abs());
+        match mode {
+            Drive::HeldForwards if missing > self.drive(x) => self.drive_mode(Drive::Linear, x),
+            Drive::HeldForwards if missing < self.low => Drive::BeyondForwards,
+            Drive::HeldBackwards if missing < self.drive(x) => self.drive_mode(Drive::Linear, x),
+            Drive::HeldBackwards if missing > self.high => Drive::BeyondBackwards,
+            Drive::HeldForwards | Drive::HeldBackwards => mode,
+            Drive::BeyondForwards if x < high => Drive::HeldForwards,
+            Drive::BeyondBackwards if x > low => Drive::HeldBackwards,
+            Drive::BeyondForwards | Drive::BeyondBackwards => mode,
+            _ if x > high + slack && self.drive(x) > self.low => Drive::HeldForwards,
+            _ if x < low - slack && self.drive(x) < self.high => Drive::HeldBackwards,
+            _ => self.drive_mode(mode, x),
         }
     }
 
@@ -184,8 +263,9 @@ impl Laws {
         raw > self.highest(x) || raw < self.lowest(x)
     }
 
-    /// Returns the branch of the drive at the end velocity `x` that was found in `mode`. The braking branch
-    /// is between full effort forwards and full effort backwards; skipping it would make the iteration cycle.
+    /// Returns the branch of the drive at the end velocity `x` that was found in `mode`, without the
+    /// acceleration limit. The braking branch is between full effort forwards and full effort backwards;
+    /// skipping it would make the iteration cycle.
     pub(crate) fn drive_mode(&self, mode: Drive, x: f64) -> Drive {
         let raw = self.drive_0 - self.drive_slope * x;
         if x > self.max_velocity && raw > self.highest(x) {
@@ -220,6 +300,10 @@ impl Laws {
             Drive::Low => (self.low, 0.0),
             Drive::SlowForwards => (self.slowing_forwards(0.0), self.braking_slope),
             Drive::SlowBackwards => (self.slowing_backwards(0.0), self.braking_slope),
+            // Unknown until the velocity is held.
+            Drive::HeldForwards | Drive::HeldBackwards => (0.0, 0.0),
+            Drive::BeyondForwards => (self.low, 0.0),
+            Drive::BeyondBackwards => (self.high, 0.0),
         }
     }
 
@@ -239,6 +323,8 @@ impl Laws {
         match (mode.stop, mode.friction) {
             (Stop::Lower, _) => Some(self.slowest),
             (Stop::Upper, _) => Some(self.fastest),
+            (Stop::Free, _) if mode.drive == Drive::HeldForwards => Some(self.window[1]),
+            (Stop::Free, _) if mode.drive == Drive::HeldBackwards => Some(self.window[0]),
             (Stop::Free, Friction::Stick) => Some(0.0),
             (Stop::Free, _) => None,
         }
@@ -246,7 +332,17 @@ impl Laws {
 
     /// Returns the mode of the solution `x`; `missing` is the force that holds a fixed velocity.
     pub(super) fn explain(&self, mode: &Mode, x: f64, missing: f64) -> Mode {
-        let drive = self.drive_mode(mode.drive, x);
+        let is_held = matches!(mode.drive, Drive::HeldForwards | Drive::HeldBackwards);
+        let drive = if !self.has_window() {
+            self.drive_mode(mode.drive, x)
+        } else if mode.stop == Stop::Free && (is_held || mode.friction != Friction::Stick) {
+            self.restrained_mode(mode.drive, x, missing)
+        } else if mode.drive.is_restrained() {
+            // The stop or friction determines the velocity.
+            self.drive_mode(Drive::Linear, x)
+        } else {
+            self.drive_mode(mode.drive, x)
+        };
         let mut friction = mode.friction;
         let stop = match mode.stop {
             Stop::Lower if missing >= 0.0 => Stop::Lower,
@@ -255,6 +351,9 @@ impl Laws {
             Stop::Free => {
                 friction = match mode.friction {
                     Friction::None => Friction::None,
+                    _ if is_held && x > 0.0 => Friction::Forwards,
+                    _ if is_held && x < 0.0 => Friction::Backwards,
+                    _ if is_held => Friction::Stick,
                     Friction::Stick if missing > self.friction => Friction::Backwards,
                     Friction::Stick if missing < -self.friction => Friction::Forwards,
                     Friction::Stick => Friction::Stick,
@@ -294,12 +393,20 @@ impl Laws {
             let slowing = |effort: f64| {
                 (h * (effort + push) - rest) / (inertia + h * (self.braking_slope + self.damping))
             };
-            if plain > self.max_velocity {
+            let free = if plain > self.max_velocity {
                 plain.min(slowing(self.slowing_forwards(0.0)).max(full(self.low)))
             } else if plain < self.min_velocity {
                 plain.max(slowing(self.slowing_backwards(0.0)).min(full(self.high)))
             } else {
                 plain
+            };
+            let [low, high] = self.window;
+            if free > high {
+                high.max(free.min(full(self.low)))
+            } else if free < low {
+                low.min(free.max(full(self.high)))
+            } else {
+                free
             }
         };
         let without = root(0.0);

@@ -113,8 +113,11 @@ impl Articulated {
             }
         }
         for (part, own) in parts.iter_mut().zip(&*articulations).filter(|(part, _)| part.h > 0.0) {
-            let events =
-                if own.placed { part.finish_placed(own, state) } else { part.finish(own, state, gravity) };
+            let events = if own.placed {
+                part.finish_placed(own, state)
+            } else {
+                part.finish((own, first), state, gravity)
+            };
             part.saturated = if first { events.saturated } else { part.saturated.max(events.saturated) };
             part.at_limit = events.at_limit;
         }
@@ -157,7 +160,10 @@ impl Part {
         );
         let free = self.method == Integrator::Midpoint && unpushed && !elastic && !scene.is_touched(of);
         let method = if free { Integrator::Midpoint } else { Integrator::Euler };
-        self.integrator.begin(model, (q, v), commands, (*gravity, &self.rotor_force), (h, method));
+        // A drive must not push against what stops its joint.
+        let restrained = !model.base().floating && unpushed && !scene.is_touched(of);
+        let forces = (*gravity, self.rotor_force.as_slice());
+        self.integrator.begin(model, (q, v), commands, forces, (h, method, restrained));
         let in_the_air = model.base().floating && rotors.is_empty() && unpushed && !scene.is_held(of);
         self.momentum = in_the_air.then(|| match self.integrator.start_momentum(v) {
             Some([linear, angular]) => {
@@ -171,13 +177,21 @@ impl Part {
     }
 
     /// Ends an integration step.
-    fn finish(&mut self, own: &Articulation, state: &mut State, gravity: &Vector3<f64>) -> JointEvents {
+    fn finish(
+        &mut self,
+        (own, first): (&Articulation, bool),
+        state: &mut State,
+        gravity: &Vector3<f64>,
+    ) -> JointEvents {
         let h = self.h;
         let model = &own.model;
         let joints: Range<usize> = own.drives().start..own.drives().start + model.joint_count();
-        let State { q_next, v_next, tau_next, .. } = state;
-        let (q, v, tau) = (&mut q_next[own.q()], &mut v_next[own.v()], &mut tau_next[joints]);
+        let State { q_next, v_next, tau_next, restrained, .. } = state;
+        let (q, v, tau) = (&mut q_next[own.q()], &mut v_next[own.v()], &mut tau_next[joints.clone()]);
         let events = self.integrator.finish(model, (&mut *q, &mut *v), (h, self.settled), tau);
+        for (restrained, now) in restrained[joints].iter_mut().zip(self.integrator.restrained()) {
+            *restrained = *now || (*restrained && !first);
+        }
         self.actuators.apply(tau, h);
         if let Some(mut momentum) = self.momentum.take() {
             momentum.linear += *gravity * (h * model.mass());

@@ -159,6 +159,7 @@ impl Actuated {
             velocity: &simulation.velocities()[drives.clone()],
             gravity: &mut of_drives,
         };
+        gate.note_restrained(&simulation.restrained()[drives.clone()], measured.position, tick.dt());
         let verdict = gate.check_for(command, measured, tick.dt());
         self.safe += u64::from(!tick.settling && matches!(verdict, Verdict::Safe { .. }));
         self.resuming += u64::from(verdict == Verdict::Resuming);

@@ -90,15 +90,7 @@ fn speeds(name: &str, world: World, (kp, kd): (f64, f64), seed: &mut u64) -> (f6
             gate.make_safe(measured, DT);
         }
         for (command, setpoint) in simulation.commands_mut().iter_mut().zip(gate.setpoints()) {
-            *command = JointSetpoint {
-                position: setpoint.position,
-                velocity: setpoint.velocity,
-                effort: setpoint.effort,
-                kp: setpoint.kp,
-                kd: setpoint.kd,
-                min_velocity: setpoint.min_velocity,
-                max_velocity: setpoint.max_velocity,
-            };
+            *command = *setpoint;
         }
         simulation.step(DT).unwrap();
     }

@@ -1,5 +1,6 @@
 //! Tests of the simulators, of their components in graphs, and of the engines against each other.
 
+mod accelerations;
 mod actuators;
 mod allocations;
 mod axes;

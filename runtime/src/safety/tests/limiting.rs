@@ -99,6 +99,7 @@ fn drive_brakes_beyond_its_velocity_limit() {
             kd,
             min_velocity: -2.0,
             max_velocity: 2.0,
+            ..JointSetpoint::default()
         };
         assert_eq!(push.effort_at(0.0, 1.999, 87.0), 87.0);
         assert!(push.effort_at(0.0, 2.05, 87.0).abs() < 1e-9, "no effort in the middle of the band");

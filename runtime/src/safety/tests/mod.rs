@@ -1,5 +1,6 @@
 //! The command gate without processes.
 
+mod arrivals;
 mod limiting;
 mod safe_states;
 mod way_back;
