@@ -43,8 +43,8 @@ struct Wheel {
 }
 
 impl Wheels {
-    /// Finds the wheels of `model`. Returns `None` without a pair of equal wheels on one axle, if pairs differ,
-    /// or if another part is below them.
+    /// Finds the wheels of `model`. Returns `None` without a pair of equal wheels on one axle, if pairs
+    /// differ, or if another part is below them.
     pub(super) fn find(model: &Model) -> Option<Self> {
         let options = CollisionOptions {
             meshes: MeshMode::Outermost,
@@ -109,8 +109,8 @@ impl Wheels {
     }
 }
 
-/// Returns the wheel that a joint turns, if its body is round, turns endlessly about a lateral axis, and carries
-/// nothing.
+/// Returns the wheel that a joint turns, if its body is round, turns endlessly about a lateral axis, and
+/// carries nothing.
 fn wheel(model: &Model, solids: &CollisionModel, kinematics: &Kinematics, joint: usize) -> Option<Wheel> {
     let (body, turned) = (model.joint_body(joint), model.joint(joint));
     let carries = model.bodies().iter().any(|other| other.parent == Some(body));
