@@ -52,7 +52,7 @@ macro_rules! payloads {
             motorium::state_buffer! {
                 #[doc = concat!("A payload of ", $bytes, " bytes.")]
                 pub struct $name as $text {
-                    /// The numbers.
+                    /// The numbers of the payload.
                     pub values: [f64; $bytes / 8],
                 }
             }

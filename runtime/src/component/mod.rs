@@ -33,8 +33,8 @@ pub use weights::{TakeWeights, WeightsInput};
 
 use std::time::Duration;
 
-/// One step of a component: its index and the time for which it computes, which is not the time at which it
-/// runs.
+/// One step of a component: its index and the time for which the step computes, as opposed to the time at
+/// which the step runs.
 ///
 /// ```
 /// use motorium::component::Tick;
@@ -139,7 +139,8 @@ impl Tick {
     /// Maximum number of periods to catch up.
     pub const CATCH_UP: u32 = 5;
 
-    /// Returns the time since the start of the run, or since the last reset in lockstep, s.
+    /// Returns the time for which the step computes ([`time_ns`](Self::time_ns)), s since the start of the
+    /// run or, in lockstep, since the last reset.
     pub fn time(&self) -> f64 {
         self.time_ns as f64 * 1e-9
     }

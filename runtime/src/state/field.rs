@@ -147,7 +147,7 @@ pub enum Defect {
         /// The value found.
         value: f64,
     },
-    /// A count exceeds its array.
+    /// A count exceeds the capacity of its array.
     #[error("`{field}` counts {found} entries, but the buffer holds at most {capacity}")]
     Count {
         /// Name of the field.
@@ -160,7 +160,7 @@ pub enum Defect {
 }
 
 impl Defect {
-    /// Sets the name of the field that has the defect, unless a nested field has already set it.
+    /// Sets the name of the field that has the defect, unless a nested field has already set a name.
     #[must_use]
     pub fn inside(self, name: &'static str) -> Self {
         match self {

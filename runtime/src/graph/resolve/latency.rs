@@ -22,7 +22,8 @@ use crate::units::TimeSpan;
 #[derive(Debug)]
 pub(super) struct Latencies {
     pub plans: Vec<LatencyPlan>,
-    /// Per component: index of the input whose source time its outputs propagate.
+    /// For each component, the index of the input from which its outputs inherit their source time; `None` if
+    /// there is no such input.
     pub causes: Vec<Option<usize>>,
 }
 

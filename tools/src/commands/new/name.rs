@@ -83,7 +83,7 @@ pub(super) enum NameError {
     Begin { name: String, first: char, better: String },
     #[error("`{name}` has the character `{found}`; lower-case letters, digits, `-` and `_` are allowed{}", also(.better))]
     Character { name: String, found: char, better: String },
-    #[error("`{name}` cannot name a crate because it has another meaning; try `my-{name}`")]
+    #[error("`{name}` cannot be used as a crate name because it is reserved; try `my-{name}`")]
     Taken { name: String },
 }
 
