@@ -237,8 +237,8 @@ pub trait Component: Sized + 'static {
     /// for random numbers. Called between two steps. Must not publish.
     ///
     /// Steps after a reset must not depend on steps before it: episodes with equal seeds are bitwise equal.
-    /// Ports are empty, as at the start, and parameters keep their values. A `CommandGate` must be reset by
-    /// its own `reset`.
+    /// Ports are empty, as at the start, and parameters keep their values. A component with a `CommandGate`
+    /// must also call the gate's `reset`.
     ///
     /// ```
     /// # use motorium::prelude::*;
@@ -320,7 +320,7 @@ pub trait Component: Sized + 'static {
         Ok(())
     }
 
-    /// Called once at the end of the run, unless the process is killed.
+    /// Stops the component. Called once at the end of the run, unless the process is killed.
     fn stop(&mut self) {}
 
     /// Returns the component's entry under `results` in the report of the finished run.

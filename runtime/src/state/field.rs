@@ -52,8 +52,8 @@ pub unsafe trait Field: Copy + core::fmt::Debug + 'static {
         Ok(())
     }
 
-    /// Writes values to consecutive places until one of the two runs out, and checks each value while it is
-    /// in registers. Returns the number of values written, and `true` if all of them are valid.
+    /// Writes `values` to the consecutive `places` until values or places run out. Checks each value while it
+    /// is in registers. Returns the number of values written, and `true` if all of them are valid.
     fn write_checked(places: &mut [Self], values: impl Iterator<Item = Self>) -> (usize, bool) {
         let (mut values, mut count) = (values, 0);
         for part in places.chunks_mut((PART / size_of::<Self>().max(1)).max(1)) {
@@ -72,7 +72,7 @@ pub unsafe trait Field: Copy + core::fmt::Debug + 'static {
         (count, true)
     }
 
-    /// Adds the meaningful content to a digest, without the unused entries of a buffer.
+    /// Adds the content of the value to a digest, except for entries of arrays that are not in use.
     fn digest(&self, digest: &mut Digest);
 
     /// Adds consecutive values to a digest, like [`digest`](Self::digest).
