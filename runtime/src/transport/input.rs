@@ -218,8 +218,8 @@ impl<T: StateBuffer> Input<T> {
         is_new
     }
 
-    /// Like [`advance`](Self::advance), for streams. It is a separate function to keep the instructions of a
-    /// step contiguous.
+    /// Advances to the next value in the queue of a stream. Separate from [`advance`](Self::advance) to keep
+    /// the instructions of a step contiguous.
     #[inline(never)]
     fn advance_in_queue(&mut self) -> bool {
         let Source::Stream { queue, memory, seen } = &mut self.source else { return false };

@@ -37,7 +37,8 @@ impl Trigger {
         self.wait_until(None);
     }
 
-    /// Like [`wait`](Self::wait), but at most until the clock reaches `until_ns`. Returns `true` if it slept.
+    /// Waits like [`wait`](Self::wait), but at most until the clock reaches `until_ns`. Returns `true` if the
+    /// calling thread slept.
     #[inline(always)]
     pub(crate) fn wait_until(&self, until_ns: Option<u64>) -> bool {
         let seen = self.seen.get();

@@ -18,7 +18,7 @@ use crate::nearest::{list, suggest};
 use crate::plan::{Activation, LatencyPlan, OnMiss};
 use crate::units::TimeSpan;
 
-/// Budgets and causes.
+/// Plans of the latency budgets, and causes of the components.
 #[derive(Debug)]
 pub(super) struct Latencies {
     pub plans: Vec<LatencyPlan>,

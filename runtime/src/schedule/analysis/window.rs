@@ -120,7 +120,7 @@ impl Demand {
         self.cost() + self.waits.iter().sum::<i64>()
     }
 
-    /// Returns `true` if it waits without the core.
+    /// Returns `true` if the task suspends itself, that is, waits without using the core.
     pub(in crate::schedule) fn suspends(&self) -> bool {
         self.waits.iter().any(|wait| *wait > 0)
     }
