@@ -33,8 +33,8 @@ pub(crate) enum Motion {
     /// In a circle of a closed motion: the humanoid leans over its left foot, lifts the right one, and sets
     /// it down in place.
     Step,
-    /// The same without control of the right foot, which lands elsewhere: the robot falls, and in the end no
-    /// motion satisfies all constraints.
+    /// The same motion as [`Step`](Self::Step), without control of the right foot. The foot lands elsewhere,
+    /// the robot falls, and in the end no motion satisfies all constraints.
     Fall,
 }
 

@@ -38,7 +38,8 @@ impl RunArg {
         opened(pick(self.run.as_deref())?)
     }
 
-    /// Like [`look`](Self::look), but also opens a run left behind by a crash if its full id is given.
+    /// Opens a run like [`look`](Self::look). Also opens a run left behind by a crash if its full id is
+    /// given.
     pub(crate) fn open_even_if_over(&self) -> anyhow::Result<LivingRun> {
         match self.run.as_deref().and_then(RunFolder::find) {
             Some(folder) => opened(folder),

@@ -13,9 +13,9 @@ pub(in crate::commands) const OBLIQUE: &str = "-50,20";
 /// Direction towards the camera, seen from the robot \[rad\].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(in crate::commands) struct View {
-    /// About z, from the x axis towards y.
+    /// Angle about z, from the x axis towards y.
     azimuth: f64,
-    /// Above the horizon.
+    /// Angle above the horizon.
     elevation: f64,
 }
 

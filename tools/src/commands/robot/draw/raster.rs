@@ -43,7 +43,7 @@ pub(super) struct Floor {
     pub(super) side: f64,
     /// Colour of every second square; else the sides of the squares are lines.
     pub(super) checker: Option<[f64; 3]>,
-    /// The point around which it is visible.
+    /// The point around which the ground is visible.
     pub(super) middle: Point3<f64>,
 }
 
@@ -54,7 +54,7 @@ struct Triangle {
     colour: [f64; 3],
 }
 
-/// Rows of red, green and blue.
+/// Paints the scene. Returns the rows of the picture as red, green and blue.
 pub(super) fn paint(scene: &Scene, camera: &Camera, floor: Option<&Floor>) -> Vec<u8> {
     let triangles: Vec<Triangle> = scene.solids.iter().flat_map(triangles).collect();
     let shadows = Shadows::new(&triangles);

@@ -65,7 +65,7 @@ pub(super) enum Detail {
 }
 
 impl Form {
-    /// Of a shape; `None` for a mesh that cannot be read or has a flat hull.
+    /// Creates the form of a shape. Returns `None` for a mesh that cannot be read or has a flat hull.
     pub(super) fn from_geometry(geometry: &Geometry, detail: Detail) -> Option<Self> {
         let Geometry::Mesh { path, inline, scale, .. } = geometry else {
             return Some(Self::Primitive(geometry.clone()));
@@ -92,7 +92,7 @@ pub(super) struct Face {
 }
 
 impl Solid {
-    /// Returns the surface.
+    /// Returns the surface of the body as faces.
     pub(super) fn faces(&self) -> Vec<Face> {
         let outlines = self.outlines(ROUND);
         let face = |points: Vec<Point3<f64>>| {
@@ -142,12 +142,12 @@ impl Solid {
         (high - low).max()
     }
 
-    /// Its corners in the world.
+    /// Returns the corners of the body in the world.
     pub(super) fn corners(&self) -> Vec<Point3<f64>> {
         self.outlines(ROUND).iter().flatten().map(|point| self.pose * point).collect()
     }
 
-    /// True if a point of the world lies inside, by a margin.
+    /// Returns `true` if the body contains a point of the world, by a margin.
     pub(super) fn contains(&self, point: &Point3<f64>) -> bool {
         let p = self.pose.inverse_transform_point(point);
         let margin = 1e-6;
