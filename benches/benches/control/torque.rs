@@ -186,7 +186,7 @@ fn step(motion: Motion, t: f64) -> (f64, f64, f64) {
     (lean, load, 0.05 * (smooth(4.0 * (t - 2.1)) - smooth(4.0 * (t - 2.7))))
 }
 
-/// The problems of the humanoid of the catalogue along its motion.
+/// Returns the problems of the humanoid of the catalogue along its motion.
 pub(crate) fn problems() -> (Structure, Vec<Problem>) {
     let mut cycle = TorqueCycle::new(&Biped::catalogue(), Tasks::Four, Motion::Round);
     let mut problems = Vec::new();

@@ -65,8 +65,8 @@ impl Kind {
         self.declare_in(config, Declare::new(robot))
     }
 
-    /// Same as [`declare`](Self::declare), with a declaration that already contains the robots and the
-    /// placement in the graph.
+    /// Declares the ports and parameters like [`declare`](Self::declare), in a declaration that already
+    /// contains the robots and the placement in the graph.
     ///
     /// # Errors
     /// The configuration is invalid, or a component of this kind supports at most one robot.

@@ -109,7 +109,8 @@ pub(crate) struct LivingRun {
 }
 
 impl LivingRun {
-    /// Now on the clock of the run's stamps, ns: `CLOCK_MONOTONIC`, or the simulated time handed out last.
+    /// Returns the current time on the clock of the run's stamps, ns. In real time this is
+    /// `CLOCK_MONOTONIC`, in lockstep the simulated time handed out last.
     pub(crate) fn now_ns(&self) -> u64 {
         match self.plan.clock {
             ClockKind::Realtime => monotonic_ns(),

@@ -7,7 +7,7 @@ use motorium_primitives::rollout::Trajectory;
 
 use crate::chart::{self, Panel};
 
-/// A panel of one dimension of movements, with two standard deviations if known.
+/// Returns a panel of one dimension of movements, with two standard deviations if known.
 pub(super) fn dimension(name: &str, trajectories: &[Trajectory], dimension: usize) -> Panel {
     let mut panel = Panel::new(name);
     for trajectory in trajectories {

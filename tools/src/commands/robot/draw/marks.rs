@@ -24,7 +24,7 @@ pub(super) struct Marks {
     pub(super) com: Option<Vector3<f64>>,
 }
 
-/// The requested frames and their poses.
+/// Returns the requested frames and their poses.
 pub(super) fn frames(
     robot: &Loaded,
     kinematics: &Kinematics,

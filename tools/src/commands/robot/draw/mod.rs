@@ -122,7 +122,7 @@ impl Draw {
         Ok(ExitCode::SUCCESS)
     }
 
-    /// The picture as a PNG file.
+    /// Returns the shaded picture as a PNG file.
     fn shaded(&self, scene: &Scene, camera: &Camera) -> anyhow::Result<Vec<u8>> {
         let marked = self.names || self.com || self.frames.is_some_and(|frames| frames != Frames::None);
         anyhow::ensure!(
