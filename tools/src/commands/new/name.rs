@@ -160,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn names_with_another_meaning_are_refused() {
+    fn reserved_names_are_refused() {
         for name in TAKEN {
             assert_eq!(check(name), Err(NameError::Taken { name: name.into() }));
         }
