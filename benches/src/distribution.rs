@@ -26,8 +26,8 @@ pub struct Distribution {
     /// Longest sample, ns.
     pub max: u64,
     /// The raw histogram: upper bound (ns) and number of samples of each non-empty bucket. Buckets of raw
-    /// samples are exact below 16 us and no wider than 1/8192 of their durations above. Buckets of histograms
-    /// kept by a graph are no wider than 1/32.
+    /// samples are exact below 16 us; above, they are no wider than 1/8192 of their durations. Buckets of
+    /// histograms kept by a graph are no wider than 1/32 of their durations.
     pub buckets: Vec<(u64, u64)>,
 }
 

@@ -28,7 +28,7 @@ pub enum MeasureError {
     Process {
         /// Name of the failed process.
         process: &'static str,
-        /// Its last message.
+        /// Last message of the process.
         reason: String,
     },
     /// The graph of a measurement ended early.

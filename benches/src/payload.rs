@@ -20,12 +20,13 @@ pub trait Payload: StateBuffer {
         self.values_mut().iter_mut().zip(times::<Self>(time_ns)).for_each(|(value, time)| *value = time);
     }
 
-    /// Like [`write`](Self::write), and checks each number while writing. Returns `true` if all are finite.
+    /// Writes a time like [`write`](Self::write), and checks each number while writing it. Returns `true` if
+    /// all are finite.
     fn write_checked(&mut self, time_ns: u64) -> bool {
         f64::write_checked(self.values_mut(), times::<Self>(time_ns)).1
     }
 
-    /// Like [`write_checked`](Self::write_checked), but writes to the memory of a topic.
+    /// Writes and checks a time like [`write_checked`](Self::write_checked), in the memory of a topic.
     fn write_into(loan: &mut Loan<'_, Self>, time_ns: u64) {
         loan.fill_from(Self::values, times::<Self>(time_ns));
     }
@@ -52,7 +53,7 @@ macro_rules! payloads {
             motorium::state_buffer! {
                 #[doc = concat!("A payload of ", $bytes, " bytes.")]
                 pub struct $name as $text {
-                    /// The numbers.
+                    /// The numbers of the payload.
                     pub values: [f64; $bytes / 8],
                 }
             }

@@ -23,10 +23,10 @@ pub struct Work {
     pub run: Box<dyn FnMut()>,
 }
 
-/// Prints the time of every work on all sides. `script` is a file in `benches/peers`. `MOTORIUM_PEER_PYTHON`
-/// names the Python that has the packages, by default `python3`. Ratios are the peers' times over motorium's.
-/// Arguments of this program after `--peers` select works by a part of their names. Returns the running
-/// peers.
+/// Prints the time of each of the `works`, for motorium and for every peer. `script` is a file in
+/// `benches/peers`. `MOTORIUM_PEER_PYTHON` names the Python that has the packages, by default `python3`.
+/// Ratios are the peers' times over motorium's. Arguments of this program after `--peers` select works by a
+/// part of their names. Returns the running peers.
 ///
 /// # Errors
 /// A peer does not start or does not answer. The error is a text.
@@ -136,7 +136,8 @@ impl Peer {
         Ok(peer)
     }
 
-    /// Returns the processor time of one call of `work`, ns, or of all calls that its line describes.
+    /// Returns the processor time of one call of `work`, ns. If the line `work` describes several calls,
+    /// returns the time of all these calls.
     ///
     /// # Errors
     /// The answer is not a number. The error is a text.

@@ -35,7 +35,7 @@ const WARM_UP: u64 = 100;
 pub(crate) struct RawChain {
     pub(crate) processes: usize,
     pub(crate) core: usize,
-    /// `SCHED_FIFO` priority of the head; each further one has one more. 0 for none.
+    /// `SCHED_FIFO` priority of the head; 0 for none. Each further process has a priority higher by one.
     pub(crate) fifo: u8,
     pub(crate) rounds: u64,
 }

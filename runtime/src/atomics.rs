@@ -19,9 +19,9 @@ pub(crate) enum Site {
     Claim,
     /// A writer reads the pins.
     Scan,
-    /// A reader pins a slot, which releases its previous one.
+    /// A reader pins a slot, and thereby releases the slot that it pinned before.
     Pin,
-    /// A reader has pinned a slot and is about to check that the slot is still the desired one.
+    /// A reader has pinned a slot and is about to check that the slot still contains the newest value.
     Pinned,
     /// A reader checks for the newest value.
     Look,
@@ -31,7 +31,7 @@ pub(crate) enum Site {
     Sleep,
     /// A writer stores the time of a publication.
     Time,
-    /// A waiter has read a time and is about to check that it belongs to the newest publication.
+    /// A waiter has read a time and is about to check that the time belongs to the newest publication.
     TimeRead,
     /// A component completes a checkpoint.
     Save,

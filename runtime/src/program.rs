@@ -12,10 +12,10 @@ use crate::worker::{
     KindsAnswer, Outcome, WORKER, Worker, declare_dynamic, run_dynamic,
 };
 
-/// A request of motorium to a component's program, parsed from its arguments.
+/// A request from motorium to a component's program, parsed from the program's arguments.
 #[derive(Debug)]
 pub enum Program {
-    /// Describe its component.
+    /// Describe the program's component.
     Describe,
     /// List the kinds of components that the program contains.
     Kinds,
@@ -171,8 +171,8 @@ pub fn clean(folder: &RunFolder) -> ExitCode {
     }
 }
 
-/// Answers a request to describe a component: JSON on standard input and output. If the program hosts only
-/// one kind, the request need not name it.
+/// Reads a request to describe a component from standard input and prints the answer on standard output, both
+/// as JSON. If the program hosts only one kind, the request need not name it.
 pub fn describe(kinds: &[Kind]) -> ExitCode {
     answer(|request| {
         let wanted = match (&request.kind, kinds) {
@@ -220,7 +220,7 @@ fn answer(describe: impl FnOnce(&DescribeRequest) -> Option<Result<Declaration, 
 }
 
 /// Runs one component of a run in this process. `kinds` returns the component's type, or `None` if the
-/// program does not host it.
+/// program does not host the component.
 pub fn run_worker(
     folder: &RunFolder,
     component: &str,
@@ -252,7 +252,7 @@ fn work(folder: &RunFolder, component: &str, run: impl FnOnce(Worker) -> Option<
 /// Turns a component type into a program: `motorium::main!(MyController);`.
 ///
 /// The program describes itself to `motorium check` and runs as a process of a graph that names it by
-/// `exec = "PATH"`. It counts its heap allocations.
+/// `exec = "PATH"`. The program counts its heap allocations.
 #[macro_export]
 macro_rules! main {
     ($component:ty) => {
@@ -268,8 +268,8 @@ macro_rules! main {
 /// Turns component types into a program that hosts their kinds for `motorium`: `motorium::host!(Web,
 /// Recorder);`.
 ///
-/// Installed next to `motorium` or on `PATH` under the name registered for the family of its kinds, it is
-/// found by every graph with one of these kinds. It counts its heap allocations.
+/// Every graph with one of these kinds finds the program if it is installed next to `motorium` or on `PATH`,
+/// under the name registered for the family of the kinds. The program counts its heap allocations.
 #[macro_export]
 macro_rules! host {
     ($($component:ty),+ $(,)?) => {

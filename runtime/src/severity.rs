@@ -2,12 +2,12 @@
 
 use serde::Serialize;
 
-/// The severity of a finding: of a graph file, or of the analysis of its schedule.
+/// Severity of a finding in a graph file or in the analysis of the graph's schedule.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Severity {
     /// The graph cannot run.
     Error,
-    /// The graph runs, but probably not as meant.
+    /// The graph runs, but probably not as intended.
     Warning,
 }

@@ -73,7 +73,7 @@ const LEAD: f64 = 0.3;
 /// Cosine of the tilt of the base beyond which the robot has fallen.
 const UPRIGHT: f64 = 0.7;
 
-/// A number from 0 to 1.
+/// Returns a uniformly distributed number from 0 to 1.
 fn uniform(counter: Counter, purpose: Purpose) -> f64 {
     (counter.number(purpose) >> 11) as f64 / (1_u64 << 53) as f64
 }
@@ -128,7 +128,7 @@ impl Scenario {
         Ok(Self { settings: vec![world.parse()?, pushes.parse()?, seed.parse()?], commands })
     }
 
-    /// The command at a time, s.
+    /// Returns the command at the time `time`, s.
     fn command(&self, time: f64) -> [f64; 3] {
         let held = self.commands.iter().rev().find(|(from, _)| *from <= time);
         held.map_or([0.0; 3], |(_, command)| *command)
@@ -178,13 +178,14 @@ impl Tracking {
         self.count += 1;
     }
 
-    /// Root mean square errors: m/s, rad/s.
+    /// Returns the root mean square errors: m/s, rad/s.
     fn errors(&self) -> [f64; 2] {
         self.squares.map(|sum| (sum / self.count.max(1) as f64).sqrt())
     }
 }
 
-/// Position targets, in the order of the policy, at which the drives exert the torques of a command.
+/// Returns the position targets, in the order of the policy, at which the drives exert the torques of a
+/// command.
 fn label(
     policy: &Policy,
     targets: &JointTargets,

@@ -135,7 +135,7 @@ fn trial(program: &Path, file: &Path, scratch: &Path) -> Outcome {
     Outcome { name, stands, failure }
 }
 
-/// The reason why a command failed: its first error, and the joint or frame that missed its goal.
+/// Returns the reason why a command failed: its first error, and the joint or frame that missed its goal.
 fn reason(output: &Output) -> String {
     let errors = String::from_utf8_lossy(&output.stderr);
     let error =

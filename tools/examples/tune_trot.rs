@@ -88,7 +88,7 @@ impl Gait {
         }
     }
 
-    /// Position of a joint at `time`, rad.
+    /// Returns the position of a joint at `time`, rad.
     fn position(&self, joint: &Joint, time: f64) -> f64 {
         let lead = if joint.is_knee { self.phase } else { 0.0 };
         let angle = self.warped(self.frequency * time + joint.leg / TAU) + joint.phase + lead;
@@ -159,7 +159,7 @@ impl Legs {
         Ok(Self { joints, kp: numbers(&gains["kp"])?, kd: numbers(&gains["kd"])? })
     }
 
-    /// The command of a gait at `time`, s.
+    /// Writes the command of a gait at `time`, s.
     fn command(&self, gait: &Gait, time: f64, command: &mut JointCommand) {
         const DT: f64 = 1e-3;
         command.set_count(self.kp.len());

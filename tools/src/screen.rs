@@ -40,7 +40,7 @@ impl Screen {
         let _ = self.terminal.draw(|frame| draw(frame, status));
     }
 
-    /// Prints a line above it.
+    /// Prints a line above the table.
     pub(crate) fn line(&mut self, line: &str) {
         let mut plain = anstream::adapter::strip_str(line).to_string();
         if let Ok(size) = self.terminal.size() {
@@ -112,7 +112,7 @@ pub(crate) struct Plain {
 }
 
 impl Plain {
-    /// With `quiet`, standard output stays free for JSON.
+    /// Creates a printer of plain lines. With `quiet`, standard output stays free for JSON.
     pub(crate) fn new(quiet: bool) -> Self {
         Self { quiet, progress: Progress::default() }
     }

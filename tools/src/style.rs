@@ -6,27 +6,27 @@ fn paint(code: &str, text: impl Display) -> String {
     format!("\x1b[{code}m{text}\x1b[0m")
 }
 
-/// Something is wrong.
+/// Styles a text that reports an error.
 pub(crate) fn error(text: impl Display) -> String {
     paint("1;31", text)
 }
 
-/// Something needs attention.
+/// Styles a text that needs attention.
 pub(crate) fn warning(text: impl Display) -> String {
     paint("1;33", text)
 }
 
-/// Something is right.
+/// Styles a text that reports a success.
 pub(crate) fn good(text: impl Display) -> String {
     paint("1;32", text)
 }
 
-/// Returns a heading or a name.
+/// Styles a heading or a name.
 pub(crate) fn strong(text: impl Display) -> String {
     paint("1", text)
 }
 
-/// Something of lesser interest.
+/// Styles a text of lesser interest.
 pub(crate) fn dim(text: impl Display) -> String {
     paint("2", text)
 }

@@ -17,7 +17,7 @@ pub(crate) struct Biped {
 }
 
 impl Biped {
-    /// The humanoid of the catalogue: 31 joints.
+    /// Returns the humanoid of the catalogue: 31 joints.
     pub(crate) fn catalogue() -> Self {
         let humanoid = load("humanoid", Path::new(".")).expect("it is in the catalogue");
         let (model, profile) = (humanoid.model, humanoid.profile.expect("it has a profile"));
@@ -35,7 +35,7 @@ impl Biped {
         }
     }
 
-    /// The reduced Talos of a URDF.
+    /// Returns the reduced Talos of a URDF.
     pub(crate) fn talos(urdf: &Path) -> Result<Self, String> {
         let text = std::fs::read_to_string(urdf).map_err(|error| format!("{}: {error}", urdf.display()))?;
         let options = LoadOptions { base: BaseMode::Floating, ..LoadOptions::default() };
@@ -58,7 +58,7 @@ impl Biped {
     }
 }
 
-/// The posture used by the peers as well: bent knees, arms down.
+/// Returns the posture that the peers use as well: bent knees, arms down.
 fn talos_home(joint: &str) -> f64 {
     let part = joint.replace("left", "_").replace("right", "_");
     let side = if joint.contains("left") { 1.0 } else { -1.0 };

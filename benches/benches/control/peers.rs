@@ -82,14 +82,14 @@ pub(crate) fn compare(streams: &[Stream]) {
     }
 }
 
-/// The reduced Talos, if the data of the peers are available.
+/// Returns the reduced Talos, if the data of the peers are available.
 pub(crate) fn talos() -> Result<Biped, String> {
     let files =
         Files::find(&python("MOTORIUM_PEER_PYTHON", "control"), Path::new(env!("CARGO_TARGET_TMPDIR")));
     files.and_then(|files| Biped::talos(&files.talos))
 }
 
-/// The Python named by a variable, or the one in the user's cache.
+/// Returns the Python named by a variable, or the one in the user's cache.
 fn python(variable: &str, folder: &str) -> PathBuf {
     let home = || std::env::var_os("HOME").map(|home| PathBuf::from(home).join(".cache"));
     let cache = std::env::var_os("XDG_CACHE_HOME").map(PathBuf::from).or_else(home).unwrap_or_default();
@@ -105,7 +105,7 @@ struct Pythons {
 }
 
 impl Pythons {
-    /// The Python of a peer.
+    /// Returns the Python of a peer.
     fn python(&self, peer: &str) -> &Path {
         match peer.split('-').next() {
             Some("placo") => &self.placo,

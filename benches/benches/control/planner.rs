@@ -13,7 +13,7 @@ use nalgebra::{Vector2, Vector3};
 /// Time of a cycle, s.
 const DT: f64 = 0.005;
 
-/// A quadruped moving ahead at 0.3 m/s, planning ten steps of 30 ms at each state.
+/// Returns a cycle of a quadruped that moves ahead at 0.3 m/s and plans ten steps of 30 ms at each state.
 pub(crate) fn trot() -> impl FnMut() {
     let robot = load("quadruped", Path::new(".")).expect("of the catalogue");
     let (model, profile) = (robot.model, robot.profile.expect("of the catalogue"));

@@ -33,8 +33,8 @@ pub(crate) enum Motion {
     /// In a circle of a closed motion: the humanoid leans over its left foot, lifts the right one, and sets
     /// it down in place.
     Step,
-    /// The same without control of the right foot, which lands elsewhere: the robot falls, and in the end no
-    /// motion satisfies all constraints.
+    /// The same motion as [`Step`](Self::Step), without control of the right foot. The foot lands elsewhere,
+    /// the robot falls, and in the end no motion satisfies all constraints.
     Fall,
 }
 
@@ -186,7 +186,7 @@ fn step(motion: Motion, t: f64) -> (f64, f64, f64) {
     (lean, load, 0.05 * (smooth(4.0 * (t - 2.1)) - smooth(4.0 * (t - 2.7))))
 }
 
-/// The problems of the humanoid of the catalogue along its motion.
+/// Returns the problems of the humanoid of the catalogue along its motion.
 pub(crate) fn problems() -> (Structure, Vec<Problem>) {
     let mut cycle = TorqueCycle::new(&Biped::catalogue(), Tasks::Four, Motion::Round);
     let mut problems = Vec::new();

@@ -51,7 +51,8 @@ fn moved(start: &Isometry3<f64>, goals: &[[f64; 3]], tick: usize) -> Isometry3<f
     Isometry3::from_parts((start.translation.vector + offset).into(), start.rotation)
 }
 
-/// A Panda whose hand tracks goals, with the posture in the same sum or, if `hard`, a level below.
+/// Returns a cycle of a Panda whose hand tracks goals, with the posture in the same sum or, if `hard`, a
+/// level below.
 pub(crate) fn panda(hard: bool) -> impl FnMut() {
     let panda = load("panda", Path::new(".")).expect("it is in the catalogue");
     let (model, profile) = (panda.model, panda.profile.expect("it has a profile"));
@@ -80,7 +81,7 @@ pub(crate) fn panda(hard: bool) -> impl FnMut() {
     }
 }
 
-/// A humanoid with fixed feet, a moving centre of mass, and a hand that follows goals.
+/// Returns a cycle of a humanoid with fixed feet, a moving centre of mass, and a hand that follows goals.
 pub(crate) fn on_held_feet(biped: &Biped) -> impl FnMut() + use<> {
     let model = &biped.model;
     let mut robot = Robot::new(model, &biped.q);
@@ -109,7 +110,7 @@ pub(crate) fn on_held_feet(biped: &Biped) -> impl FnMut() + use<> {
     }
 }
 
-/// A humanoid with four levels: feet, centre of mass, both hands, posture.
+/// Returns a cycle of a humanoid with four levels: feet, centre of mass, both hands, posture.
 pub(crate) fn in_four_levels(biped: &Biped) -> impl FnMut() + use<> {
     let model = &biped.model;
     let mut robot = Robot::new(model, &biped.q);

@@ -20,8 +20,8 @@ struct Subject {
     solids: CollisionModel,
 }
 
-/// The Panda of the catalogue (primitives), and the published one with meshes as capsules, as convex hulls
-/// and unchanged, from the folder `MOTORIUM_EXAMPLE_ROBOT_DATA` (see `robots.rs`).
+/// Returns the Panda of the catalogue (primitives), and the published one with meshes as capsules, as convex
+/// hulls and unchanged, from the folder `MOTORIUM_EXAMPLE_ROBOT_DATA` (see `robots.rs`).
 fn subjects() -> Vec<Subject> {
     let options = CollisionOptions::default();
     let mut subjects = Vec::new();
@@ -55,7 +55,8 @@ fn subjects() -> Vec<Subject> {
     subjects
 }
 
-/// Every pair's distance, the nearest pair, and the pairs in range, each with the poses that it needs.
+/// Measures the distance of every pair, the nearest pair, and the pairs in range, each with the required
+/// poses.
 pub(crate) fn measure(criterion: &mut Criterion) {
     for Subject { name, model, solids } in &subjects() {
         let states: Vec<Vec<f64>> = (0..STATES).map(|state| configuration(model, state)).collect();

@@ -56,7 +56,7 @@ pub(crate) fn compare(subjects: &[Subject]) -> Result<(), String> {
     Ok(())
 }
 
-/// The driver, compiled against the headers and libraries of the PyPI package `pin`.
+/// Builds the driver against the headers and libraries of the PyPI package `pin`.
 fn build() -> Result<PathBuf, String> {
     let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("peers/pinocchio.cpp");
     let prefix = prefix()?;
@@ -93,7 +93,8 @@ fn build() -> Result<PathBuf, String> {
     Err(format!("the driver does not compile:\n{}", String::from_utf8_lossy(&output.stderr)))
 }
 
-/// Folder of Pinocchio's headers and libraries: `MOTORIUM_PINOCCHIO`, or the one of `python3` on the path.
+/// Returns the folder of Pinocchio's headers and libraries: `MOTORIUM_PINOCCHIO`, or the one of `python3` on
+/// the path.
 fn prefix() -> Result<PathBuf, String> {
     const INSTALL: &str = "pip install pin==4.1.0 cmeel-eigen cmeel-urdfdom-headers, and set MOTORIUM_PINOCCHIO to the \
                            folder cmeel.prefix of its site-packages";

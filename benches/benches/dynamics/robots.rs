@@ -14,7 +14,7 @@ pub(crate) struct Subject {
     pub(crate) frame: &'static str,
 }
 
-/// The Panda with locked fingers (7), Solo12 (18) and the reduced Talos (38), of the PyPI package
+/// Returns the Panda with locked fingers (7), Solo12 (18) and the reduced Talos (38), of the PyPI package
 /// example-robot-data, in the folder `MOTORIUM_EXAMPLE_ROBOT_DATA`. Missing robots are reported and skipped.
 pub(crate) fn subjects(scratch: &Path) -> Vec<Subject> {
     let Some(folder) = std::env::var_os("MOTORIUM_EXAMPLE_ROBOT_DATA").map(PathBuf::from) else {

@@ -50,8 +50,8 @@ pub(crate) fn print(chosen: &[String]) {
     }
 }
 
-/// The measured parts: physics at rest and with the actions of the environment, the environment, then for
-/// each network PPO with one epoch and with two.
+/// Returns the measured parts: physics at rest and with the actions of the environment, the environment, then
+/// for each network PPO with one epoch and with two.
 fn parts(task: &Task, scene: &Scene) -> Vec<Part> {
     let mut parts = Vec::new();
     let mut add = |name: String, steps: usize, turn: Box<dyn FnMut()>| {

@@ -91,7 +91,7 @@ impl Comparison {
         Ok(Self { name: words.to_owned(), task, scene, algorithm, settings, steps })
     }
 
-    /// Mean return after training by motorium on one thread.
+    /// Returns the mean return after training by motorium on one thread.
     fn train(&self, seed: u64) -> Result<f64, String> {
         let mut learner =
             start(self.algorithm, &self.task, &self.scene, Some(self.steps), (seed, 1)).map_err(text)?;
@@ -108,7 +108,8 @@ impl Comparison {
         })
     }
 
-    /// Mean return after training by the peer, which chooses the actions of worlds that are stepped here.
+    /// Returns the mean return after training by the peer, which chooses the actions of worlds that are
+    /// stepped here.
     fn train_peer(&self, peer: &mut Peer, seed: u64) -> Result<f64, String> {
         let name = peer.name();
         let invalid = |answer: &str| format!("{name} answers `{}`", answer.trim());
@@ -168,7 +169,7 @@ impl Comparison {
         Ok(found)
     }
 
-    /// Mean return of a policy over the episodes of the evaluation.
+    /// Returns the mean return of a policy over the episodes of the evaluation.
     fn evaluate(&self, mut act: impl FnMut(&[f32], &mut [f32]) -> Result<(), String>) -> Result<f64, String> {
         let simulation = self.scene.simulation().map_err(text)?;
         let mut environment = Environment::new(&self.task, simulation, EVALUATION_SEED, 0).map_err(text)?;

@@ -24,7 +24,7 @@ pub(crate) struct Row {
     pub(crate) run: Box<dyn FnMut()>,
 }
 
-/// All rows.
+/// Returns all rows of the comparison.
 pub(crate) fn all() -> Vec<Row> {
     let mut rows = Vec::new();
     for name in TASKS {
@@ -41,7 +41,7 @@ pub(crate) fn all() -> Vec<Row> {
     rows
 }
 
-/// One of the project's tasks and its scene.
+/// Loads one of the project's tasks and its scene.
 pub(crate) fn load(name: &str) -> (Task, Scene) {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tasks");
     let text = std::fs::read_to_string(folder.join(name).with_extension("toml"));
@@ -57,7 +57,8 @@ pub(crate) fn change(actions: &mut [f32], phase: f32) {
     }
 }
 
-/// Physics of all worlds with the actions of the environment: its floor.
+/// Returns the row of the physics of all worlds with the actions of the environment: the floor of the
+/// environment's time.
 fn physics(name: &str, task: &Task, scene: &Scene) -> Row {
     let worlds = VectorEnvironment::new(task, (WORLDS, THREADS), 1, || scene.simulation());
     let mut worlds = worlds.expect("a task of its robot");
@@ -74,7 +75,7 @@ fn physics(name: &str, task: &Task, scene: &Scene) -> Row {
     }
 }
 
-/// Steps of all worlds with actions that change from step to step.
+/// Returns the row of the steps of all worlds with actions that change from step to step.
 fn environment(name: &str, task: &Task, scene: &Scene) -> Row {
     let worlds = VectorEnvironment::new(task, (WORLDS, THREADS), 1, || scene.simulation());
     let mut worlds = worlds.expect("a task of its robot");
@@ -91,7 +92,7 @@ fn environment(name: &str, task: &Task, scene: &Scene) -> Row {
     }
 }
 
-/// One update of PPO: its roll-outs and its epochs.
+/// Returns the row of one update of PPO: its roll-outs and its epochs.
 fn training(name: &str, task: &Task, scene: &Scene, settings: PpoSettings) -> Row {
     let layers: Vec<String> = settings.hidden.iter().map(usize::to_string).collect();
     let steps = (settings.worlds * settings.horizon) as u64;

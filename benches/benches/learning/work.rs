@@ -13,13 +13,14 @@ const GENERATIONS: u32 = 200;
 const POINTS: usize = 35;
 const DIMENSIONS: usize = 6;
 
-/// Every measured iteration. The peers run the same.
+/// Returns every measured iteration. The peers run the same iterations.
 pub(crate) fn all() -> Vec<Work> {
     let work = |name, run| Work { name, run };
     vec![work("cma_10", cma(10)), work("cma_50", cma(50)), work("bayesian_6_at_35", bayesian())]
 }
 
-/// A generation of CMA-ES on an ellipsoid of condition 1e6: candidates, their rewards, and the update.
+/// Returns a generation of CMA-ES on an ellipsoid of condition 1e6: candidates, their rewards, and the
+/// update.
 fn cma(dimensions: usize) -> Box<dyn FnMut()> {
     let settings = CmaEsSettings { restarts: Restarts::Never, ..CmaEsSettings::default() };
     let start = move |seed| {
@@ -42,7 +43,8 @@ fn cma(dimensions: usize) -> Box<dyn FnMut()> {
     })
 }
 
-/// The proposal of the next point once 35 have rewards: hyperparameters and the acquisition's maximum.
+/// Returns the proposal of the next point once 35 points have rewards: hyperparameters and the acquisition's
+/// maximum.
 fn bayesian() -> Box<dyn FnMut()> {
     let settings = BayesianSettings { refit: 1, ..BayesianSettings::default() };
     let mut search = BayesianOptimisation::new(vec![[-2.0, 2.0]; DIMENSIONS], settings, 1).expect("a search");

@@ -56,7 +56,7 @@ fn print_rows(peers: &mut [Peer], rows: &[Row]) -> Result<(), String> {
     Ok(())
 }
 
-/// Largest difference; `None` if the numbers of values differ.
+/// Returns the largest difference; `None` if the numbers of values differ.
 fn difference(ours: &[f64], theirs: &[f64]) -> Option<f64> {
     let scale = theirs.iter().fold(1.0_f64, |most, value| most.max(value.abs()));
     let largest = ours.iter().zip(theirs).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);

@@ -31,7 +31,8 @@ const STATES: usize = 8;
 const COLUMNS: usize = 3;
 const LENGTH: usize = 500;
 
-/// Every measured call. The peers make the same ones on equal data, apart from the weights of the network.
+/// Returns every measured call. The peers make the same calls on equal data, apart from the weights of the
+/// network.
 pub(crate) fn all() -> Vec<Work> {
     let work = |name, run| Work { name, run };
     vec![
@@ -60,7 +61,7 @@ pub(crate) fn values(rows: usize, columns: usize, phase: f64) -> Vec<f64> {
     (0..rows * columns).map(value).collect()
 }
 
-/// The network as an ONNX file.
+/// Returns the network as an ONNX file.
 pub(crate) fn network_file() -> Vec<u8> {
     let layer = |pair: &[usize]| {
         let [inputs, outputs] = [pair[0], pair[1]];
@@ -206,7 +207,7 @@ fn prediction() -> Box<dyn FnMut()> {
     })
 }
 
-/// A model that moves to the next state one time in ten, and a sequence.
+/// Returns a model that moves to the next state one time in ten, and a sequence.
 pub(crate) fn markov() -> (Hmm, Vec<f64>) {
     let mut transitions = vec![0.0; STATES * STATES];
     for state in 0..STATES {

@@ -53,7 +53,7 @@ pub(crate) fn print(compared: bool) -> Result<(), String> {
     Ok(())
 }
 
-/// The time of a step of one robot \[s\], of `calls` calls with `each` steps.
+/// Returns the time of a step of one robot \[s\], measured over `calls` calls with `each` steps.
 fn steps(batch: &mut Batch<Articulated>, calls: usize, each: usize) -> f64 {
     let start = Instant::now();
     for _ in 0..calls {
@@ -110,12 +110,12 @@ pub(crate) fn median(times: &mut [f64]) -> f64 {
     times[times.len() / 2]
 }
 
-/// The robot of all rows.
+/// Returns the robot of all rows.
 pub(crate) fn quadruped() -> Loaded {
     load("quadruped", Path::new(".")).expect("the catalogue's robots load")
 }
 
-/// Robots that have stood for a second, in steps of `dt` \[s\].
+/// Returns robots that have stood for a second, in steps of `dt` \[s\].
 pub(crate) fn quadrupeds(threads: usize, dt: f64) -> Batch<Articulated> {
     let loaded = quadruped();
     let setup = RobotSetup::from_loaded(&loaded).expect("the catalogue's profiles are whole");

@@ -48,7 +48,8 @@ pub(crate) fn print(compared: bool) -> Result<(), String> {
     Ok(())
 }
 
-/// The largest deviation and the change from the first to the last second, relative to the energy that moves.
+/// Returns the largest deviation and the change from the first to the last second, relative to the energy
+/// that moves.
 fn drift(energies: &[f64], floats: bool, ms: usize) -> String {
     let second = turns_per_second(ms);
     let mean = |part: &[f64]| part.iter().sum::<f64>() / part.len() as f64;
@@ -65,7 +66,7 @@ fn turns_per_second(ms: usize) -> usize {
     1000 / (ms * STEPS)
 }
 
-/// The URDF of a robot of the catalogue, its joints without ends, friction and damping.
+/// Returns the URDF of a robot of the catalogue whose joints have no ends, friction or damping.
 fn without_losses(robot: &str) -> Result<String, String> {
     let text = std::fs::read_to_string(urdf(robot)).map_err(|error| error.to_string())?;
     let lines = text.replace("type=\"revolute\"", "type=\"continuous\"");
@@ -78,7 +79,8 @@ fn scratch(robot: &str, text: &str) -> Result<PathBuf, String> {
     Ok(file)
 }
 
-/// Kinetic and potential energy \[J\] after each turn of a number of `seconds` in steps of `ms` \[ms\].
+/// Returns the kinetic and potential energy \[J\] after each turn of a number of `seconds` in steps of `ms`
+/// \[ms\].
 fn energies(text: &str, floats: bool, (seconds, ms): (usize, usize), integrator: Integrator) -> Vec<f64> {
     let base = if floats { BaseMode::Floating } else { BaseMode::Fixed };
     let options = LoadOptions { base, ..LoadOptions::default() };
@@ -110,7 +112,7 @@ fn energies(text: &str, floats: bool, (seconds, ms): (usize, usize), integrator:
     (0..seconds * turns_per_second(ms)).map(turn).collect()
 }
 
-/// Velocity of a joint at the start \[rad/s\], by its name, as the driver of the peers has it.
+/// Returns the initial velocity of the joint `name` \[rad/s\], which the peers' driver uses as well.
 fn rate(name: &str) -> f64 {
     0.3 * f64::from(name.bytes().map(u32::from).sum::<u32>()).sin()
 }

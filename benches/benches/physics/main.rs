@@ -65,7 +65,7 @@ fn turn(scene: &mut Scene) -> f64 {
     start.elapsed().as_nanos() as f64 / 1e3 / STEPS as f64
 }
 
-/// Minimum, median and 99 %.
+/// Formats the minimum, the median and the 99 % quantile.
 fn figures(times: &mut [f64]) -> String {
     times.sort_by(f64::total_cmp);
     format!("{:.2} / {:.2} / {:.2}", times[0], times[times.len() / 2], times[times.len() * 99 / 100])

@@ -48,7 +48,7 @@ pub(crate) fn compare(scenes: &mut [Scene]) -> Result<(), String> {
     Ok(())
 }
 
-/// The URDF of a robot of the catalogue.
+/// Returns the URDF of a robot of the catalogue.
 pub(crate) fn urdf(robot: &str) -> PathBuf {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../robots/catalogue").join(robot);
     folder.join(robot).with_extension("urdf")
@@ -92,8 +92,8 @@ impl Peer {
         Ok(line)
     }
 
-    /// Microseconds per step, or another figure defined by the motion; `None` if the engine does not support
-    /// the scene.
+    /// Returns the microseconds per step, or another figure defined by the motion; `None` if the engine does
+    /// not support the scene.
     pub(crate) fn turn(&mut self) -> Result<Option<f64>, String> {
         writeln!(self.questions, "turn").map_err(|error| format!("the driver is gone: {error}"))?;
         let line = self.line()?;

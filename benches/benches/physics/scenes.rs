@@ -24,7 +24,7 @@ pub(crate) enum Motion {
 }
 
 impl Motion {
-    /// Name of the motion in the peers' driver.
+    /// Returns the name of the motion in the peers' driver.
     pub(crate) fn word(self) -> &'static str {
         match self {
             Self::Swing => "swing",
@@ -63,7 +63,7 @@ const SCENES: [(&str, &str, Motion); 8] = [
 /// Scenes of Talos, if available on this machine.
 const TALOS: [(&str, Motion); 2] = [("talos", Motion::Hold), ("talos, free fall", Motion::Fall)];
 
-/// The scenes whose names `chosen` accepts.
+/// Returns the scenes whose names `chosen` accepts.
 pub(crate) fn scenes(chosen: impl Fn(&str) -> bool) -> Vec<Scene> {
     let robots = SCENES.into_iter().filter(|(name, ..)| chosen(name));
     let mut scenes: Vec<_> = robots
@@ -179,7 +179,7 @@ impl Scene {
         }
     }
 
-    /// Contact points of the last step.
+    /// Returns the contact points of the last step.
     pub(crate) fn contacts(&self) -> String {
         let mut count = 0;
         self.simulation.visit_contacts(&mut |_| count += 1);

@@ -131,7 +131,7 @@ fn promp_conditioning() -> Box<dyn FnMut()> {
     })
 }
 
-/// Everything, in the order of the table.
+/// Returns all calls, in the order of the table.
 pub(crate) fn all() -> Vec<Work> {
     let work = |name, run| Work { name, run };
     vec![

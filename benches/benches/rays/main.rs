@@ -40,13 +40,13 @@ fn turn(scene: &mut RayScene, scan: &Scan, hits: &mut [Option<RayHit>]) -> f64 {
     start.elapsed().as_nanos() as f64 / 1e3 / scan.repeats as f64
 }
 
-/// Minimum, median and 99 %.
+/// Formats the minimum, the median and the 99 % quantile.
 fn figures(times: &mut [f64]) -> String {
     times.sort_by(f64::total_cmp);
     format!("{:.1} / {:.1} / {:.1}", times[0], times[times.len() / 2], times[times.len() * 99 / 100])
 }
 
-/// The fraction of the rays that hit something.
+/// Formats the number of rays, and the percentage that hit something.
 fn share(hits: &[Option<RayHit>]) -> String {
     let met = hits.iter().filter(|hit| hit.is_some()).count();
     format!("{} rays, {} % hit", hits.len(), 100 * met / hits.len())

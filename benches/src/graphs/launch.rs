@@ -66,7 +66,7 @@ pub fn run(program: &Path, registry: &Registry, name: &str, text: String) -> Res
     run_plan(program, registry, plan(registry, name, text)?)
 }
 
-/// Like [`run`], with a trace of `trace_events` events per component.
+/// Runs the graph file `text` like [`run`], and traces it with `trace_events` events per component.
 ///
 /// # Errors
 /// Same as [`run`].

@@ -26,7 +26,8 @@ fn relay(text: &mut String, name: &str, from: &str, to: Option<&str>) {
     );
 }
 
-/// Returns the graph file of one component at `rate_hz`, which publishes on a topic without readers.
+/// Returns the graph file of one component that is released at `rate_hz` and publishes on a topic without
+/// readers.
 pub fn release(rate_hz: u32, seconds: u32, core: usize) -> String {
     head("bench-release", rate_hz, seconds, core) + "publish = { out = \"bench/0\" }\n"
 }

@@ -129,7 +129,8 @@ impl Drop for Load {
     }
 }
 
-/// The load of one process; ends when its standard input closes, so it never outlives its parent.
+/// Runs the load of one process. The load ends when the standard input of the process closes, so the process
+/// never outlives its parent.
 pub(crate) fn run_load(kind: &str) {
     std::thread::spawn(|| {
         let mut rest = Vec::new();

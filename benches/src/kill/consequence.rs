@@ -12,11 +12,11 @@ const PAUSES: core::ops::RangeInclusive<Duration> = Duration::from_millis(20)..=
 /// The consequences of one fault.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Consequence {
-    /// From the fault to its detection by the launcher, ns.
+    /// Time from the fault to its detection by the launcher, ns.
     pub(super) detected_ns: Option<u64>,
-    /// From the fault to the safe state of the last actuator, ns.
+    /// Time from the fault until the last actuator entered its safe state, ns.
     pub(super) safe_ns: Option<u64>,
-    /// From the fault to the first value published by the restarted component, ns.
+    /// Time from the fault to the first value published by the restarted component, ns.
     pub(super) restarted_ns: Option<u64>,
     /// The component did not recover in time.
     pub(super) hung: bool,

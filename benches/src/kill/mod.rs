@@ -56,7 +56,8 @@ pub struct Cell {
     pub count: u32,
     /// Time from the fault to the launcher's reaction.
     pub detected: Distribution,
-    /// Time from the fault to the safe state of the last actuator, if it was entered.
+    /// Time from the fault to the moment when the last actuator other than the victim entered its safe
+    /// state. Only faults after which all these actuators entered it are counted.
     pub safe: Distribution,
     /// Time from the fault to the first value published by the restarted component.
     pub restarted: Distribution,

@@ -5,25 +5,25 @@ use core::fmt;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// The robot after a fault.
+/// Behaviour of the robot after a fault.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Robot {
-    /// It follows its commands without interruption.
+    /// The robot follows its commands without interruption.
     GoesOn,
-    /// Its actuators enter their safe state, and follow commands again if the run continues.
+    /// The actuators enter their safe state. If the run continues, they then follow commands again.
     Safe,
-    /// Its only actuator is the victim: nothing is applied until it is back.
+    /// The only actuator of the robot is the victim. No command is applied until the actuator is back.
     WithoutActuator,
 }
 
-/// The process that was hit, or the run.
+/// State of the victim, or of the run, after a fault.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum After {
-    /// The process continues, or is not needed.
+    /// The victim continues, or is not needed.
     GoesOn,
-    /// A new process has replaced it.
+    /// A new process has replaced the victim.
     Replaced,
     /// The run has ended.
     RunEnds,
@@ -32,9 +32,9 @@ pub enum After {
 /// The outcome of a fault.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
 pub struct Outcome {
-    /// The robot.
+    /// Behaviour of the robot after the fault.
     pub robot: Robot,
-    /// The process that was hit, or the run.
+    /// State of the victim, or of the run, after the fault.
     pub after: After,
 }
 

@@ -45,11 +45,11 @@ pub(super) struct Trial {
 /// The end of a run.
 #[derive(Debug, Default)]
 pub(super) struct RunEnd {
-    /// The launcher did not end.
+    /// True if the launcher did not end.
     pub(super) hung: bool,
-    /// Processes that outlived the run.
+    /// Number of processes that outlived the run.
     pub(super) strays: usize,
-    /// Objects in shared memory that outlived the run.
+    /// Number of objects in shared memory that outlived the run.
     pub(super) leaks: usize,
     /// Exit code of the launcher; `None` if it was ended by a signal.
     pub(super) code: Option<i32>,

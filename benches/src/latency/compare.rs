@@ -27,9 +27,9 @@ const MOVED: f64 = 1.5;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Direction {
-    /// The ratio to its floor is clearly smaller than before.
+    /// The ratio of the measurement to its floor is clearly smaller than before.
     Faster,
-    /// The ratio to its floor is clearly larger than before.
+    /// The ratio of the measurement to its floor is clearly larger than before.
     Slower,
     /// No change beyond noise.
     Same,

@@ -8,10 +8,10 @@ use serde::{Deserialize, Serialize};
 use super::{Measurement, Target};
 use crate::host::Machine;
 
-/// Version of the file's format; raised when a field changes its meaning or goes.
+/// Version of the file's format; incremented when the meaning of a field changes or a field is removed.
 pub const VERSION: u32 = 2;
 
-/// Content of the file.
+/// Content of a benchmark file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Written {
     /// Version of the file format.
@@ -43,7 +43,7 @@ pub struct Written {
 pub struct Skipped {
     /// Name of the measurement.
     pub name: String,
-    /// Reason why it failed or was skipped.
+    /// Reason why the measurement failed or was skipped.
     pub reason: String,
 }
 

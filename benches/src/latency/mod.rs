@@ -61,8 +61,8 @@ pub struct Measurement {
     /// Time stolen by the host of a virtual machine, and interrupts during the measurement.
     pub host: HostShare,
     /// Medians of the slices in which compared measurements took turns, ns; empty without turns. The host of
-    /// a virtual machine moves its cores, which changes their distance, so only adjacent slices are
-    /// comparable.
+    /// a virtual machine moves the virtual cores between physical cores. This changes the distance between
+    /// the cores, so only adjacent slices are comparable.
     pub slices_p50: Vec<u64>,
 }
 

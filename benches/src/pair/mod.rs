@@ -63,7 +63,7 @@ pub struct PingPong {
     pub cores: [usize; 2],
     /// `SCHED_FIFO` priority of both processes; 0 for normal time sharing.
     pub fifo: u8,
-    /// Number of round trips. Each has two samples, or one with a pace or for the cache line.
+    /// Number of round trips. Each yields two samples; with a pace or for the cache line, it yields one.
     pub rounds: usize,
     /// Number of warm-up rounds before the recorded ones.
     pub warm_up: usize,

@@ -35,14 +35,14 @@ pub(super) struct Side {
     pub(super) ready: AtomicU32,
     /// `SCHED_FIFO` priority read back; 0 for normal time sharing.
     pub(super) fifo: AtomicU32,
-    /// Samples it has recorded.
+    /// Number of samples that this side has recorded.
     pub(super) recorded: AtomicU64,
 }
 
 #[derive(Debug)]
 #[repr(C)]
 struct Head {
-    /// One for each direction.
+    /// Lines on which the two sides send, one for each direction.
     lines: [Line; 2],
     sides: [Side; 2],
     payloads: [[Payload; PAYLOADS]; 2],

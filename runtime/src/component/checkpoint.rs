@@ -47,9 +47,9 @@ pub struct Checkpoint {
 }
 
 impl Checkpoint {
-    /// Saves the numbers, as many as the checkpoint was opened for. Additional numbers are ignored, and
-    /// missing ones keep their previous values. If the process is killed during a save, the previous numbers
-    /// remain.
+    /// Saves the numbers. Numbers beyond the count for which the checkpoint was opened are ignored, and
+    /// missing numbers keep their previous values. If the process is killed during a save, the previous
+    /// numbers remain.
     pub fn save(&mut self, numbers: impl IntoIterator<Item = f64>) {
         for (word, number) in self.words.iter_mut().zip(numbers) {
             *word = number.to_bits();

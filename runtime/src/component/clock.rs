@@ -53,9 +53,10 @@ impl RunClock {
     }
 
     /// Returns the time for which a step computes, on the grid of the rate, ns on the clock of
-    /// [`Tick::time_ns`]. For a component triggered by a publication this is `state_ns`, the time of the
-    /// state it read, from [`Reading::time_ns`](crate::transport::Reading::time_ns). For other components it
-    /// is the time of the tick. Differences between steps do not depend on how late the steps run.
+    /// [`Tick::time_ns`]. For a component triggered by a publication this is `state_ns`: the time of the
+    /// state that the component read, as returned by
+    /// [`Reading::time_ns`](crate::transport::Reading::time_ns). For other components it is the time of the
+    /// tick. Differences between steps do not depend on how late the steps run.
     #[inline]
     pub fn grid_ns(&self, tick: &Tick, state_ns: u64) -> u64 {
         if self.context.causality().is_triggered() { state_ns } else { tick.time_ns }

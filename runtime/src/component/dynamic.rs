@@ -101,7 +101,7 @@ pub trait DynamicComponent: 'static {
         Ok(())
     }
 
-    /// Called once at the end of the run, unless the process is killed.
+    /// Stops the component. Called once at the end of the run, unless the process is killed.
     fn stop(&mut self) {}
 
     /// Returns the component's entry under `results` in the report of the finished run.

@@ -3,7 +3,7 @@
 use crate::declare::ConfigError;
 use crate::transport::PortError;
 
-/// The component could not be configured.
+/// Error of configuring a component.
 #[derive(Debug, thiserror::Error)]
 pub enum ConfigureError {
     /// The configuration is invalid.

@@ -33,8 +33,8 @@ pub use weights::{TakeWeights, WeightsInput};
 
 use std::time::Duration;
 
-/// One step of a component: its index and the time for which it computes, which is not the time at which it
-/// runs.
+/// One step of a component: its index and the time for which the step computes, as opposed to the time at
+/// which the step runs.
 ///
 /// ```
 /// use motorium::component::Tick;
@@ -139,7 +139,8 @@ impl Tick {
     /// Maximum number of periods to catch up.
     pub const CATCH_UP: u32 = 5;
 
-    /// Returns the time since the start of the run, or since the last reset in lockstep, s.
+    /// Returns the time for which the step computes ([`time_ns`](Self::time_ns)), s since the start of the
+    /// run or, in lockstep, since the last reset.
     pub fn time(&self) -> f64 {
         self.time_ns as f64 * 1e-9
     }
@@ -236,8 +237,8 @@ pub trait Component: Sized + 'static {
     /// for random numbers. Called between two steps. Must not publish.
     ///
     /// Steps after a reset must not depend on steps before it: episodes with equal seeds are bitwise equal.
-    /// Ports are empty, as at the start, and parameters keep their values. A `CommandGate` must be reset by
-    /// its own `reset`.
+    /// Ports are empty, as at the start, and parameters keep their values. A component with a `CommandGate`
+    /// must also call the gate's `reset`.
     ///
     /// ```
     /// # use motorium::prelude::*;
@@ -319,7 +320,7 @@ pub trait Component: Sized + 'static {
         Ok(())
     }
 
-    /// Called once at the end of the run, unless the process is killed.
+    /// Stops the component. Called once at the end of the run, unless the process is killed.
     fn stop(&mut self) {}
 
     /// Returns the component's entry under `results` in the report of the finished run.

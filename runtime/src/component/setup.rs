@@ -276,7 +276,7 @@ impl Setup {
     }
 
     /// Returns the iceoryx2 domain of the run, for components that exchange data with programs outside the
-    /// graph through their own services.
+    /// graph through separate iceoryx2 services.
     pub fn domain(&self) -> &Domain {
         &self.domain
     }

@@ -104,9 +104,9 @@ impl WeightsInput {
         self.store.take(tick.begins_episode)
     }
 
-    /// Begins an episode of simulated time. Call it in `reset`, and restore the weights of the configuration
-    /// there. [`Component::begin_episode`](super::Component::begin_episode) need not call it, because it
-    /// resets nothing.
+    /// Begins an episode of simulated time. Call this function in `reset`, and restore the weights of the
+    /// configuration there. [`Component::begin_episode`](super::Component::begin_episode) need not call this
+    /// function, because an episode of real time resets nothing.
     pub fn begin_episode(&mut self) {
         self.store.begin_episode();
     }

@@ -40,7 +40,8 @@ impl Causality {
         self.source_ns.get().unwrap_or(now_ns)
     }
 
-    /// Returns the time of an output of this step, `step_ns` unless a trigger set another.
+    /// Returns the state time of an output of this step: the state time of the trigger's sample, or `step_ns`
+    /// if no trigger set one.
     #[inline]
     pub(crate) fn state_time_or(&self, step_ns: u64) -> u64 {
         self.state_ns.get().unwrap_or(step_ns)

@@ -50,7 +50,8 @@ impl Clock {
         self.step_ns_or(|| self.now_ns())
     }
 
-    /// Like [`step_ns`](Self::step_ns), for a caller that has already read the clock.
+    /// Returns the same time as [`step_ns`](Self::step_ns). Outside a worker's steps, reads the current time
+    /// by calling `now_ns`.
     #[inline]
     pub(crate) fn step_ns_or(&self, now_ns: impl FnOnce() -> u64) -> u64 {
         match self.time_ns.get() {

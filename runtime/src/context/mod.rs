@@ -181,8 +181,8 @@ impl Context {
         self.era.get()
     }
 
-    /// Enters a real-time episode that began since the last call, and returns its start. Costs one load if
-    /// there is none.
+    /// Enters a real-time episode that began since the last call, and returns its start. Costs one load if no
+    /// episode began.
     #[inline]
     pub(crate) fn enter_new_episode(&self) -> Option<EpisodeStart> {
         let start = self.new_episode()?;
@@ -218,8 +218,8 @@ impl Context {
         self.deferred.begin_episode();
     }
 
-    /// Records the first read of a sample: its age at the start of the step, recorded in the statistics and
-    /// the trace at the end of the step. A sample published later has age 0.
+    /// Records the first read of a sample. The sample's age at the start of the step is added to the
+    /// statistics and the trace at the end of the step. A sample published later has age 0.
     #[inline(never)]
     pub(crate) fn note_read(&self, edge: usize, stamp: &Stamp) {
         self.deferred.note_age(edge, self.clock.woken_ns().saturating_sub(stamp.publish_time));
@@ -253,8 +253,8 @@ impl Context {
         }
     }
 
-    /// Returns the stamp of a value published at `now_ns`, with the component's source time if it sets one. A
-    /// withheld value is counted as refused.
+    /// Returns the stamp of a value published at `now_ns`, with the source time `source_ns` if the component
+    /// sets one. A withheld value is counted as refused.
     #[inline(never)]
     pub(crate) fn stamp(
         &self,

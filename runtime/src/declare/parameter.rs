@@ -90,8 +90,8 @@ impl core::fmt::Display for ParameterValue {
 pub struct ParameterDeclaration {
     /// Name of the parameter, unique in its component.
     pub name: String,
-    /// Value unless the graph file sets another one. It defines the type of the parameter and the length of
-    /// an array.
+    /// Default value, used unless the graph file sets another one. The default defines the type of the
+    /// parameter and the length of an array.
     pub default: ParameterValue,
     /// Smallest allowed value, or smallest allowed entry of an array; `None` if unbounded.
     pub min: Option<f64>,

@@ -35,7 +35,7 @@ pub struct RobotReference {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub package_path: Vec<PathBuf>,
     /// Table of the keys `joints`, `fixed`, `frame`, `start` and `gains` of the robot in the graph file, with
-    /// `mjcf = true` if the model is given by that key. `None` if none of them is set.
+    /// `mjcf = true` if the graph file names the model by `mjcf`. `None` if none of these keys is set.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub settings: Option<serde_json::Value>,
 }

@@ -19,8 +19,8 @@ use serde::{Deserialize, Serialize};
 pub struct Taps {
     /// Patterns of topic names, in which `*` matches any characters.
     pub topics: Vec<String>,
-    /// Time for which a tap may go unread without losing values. Topics keep the values published in this
-    /// time.
+    /// Time that the kept values bridge: a tap may go unread for this time without losing values, because
+    /// topics keep the values published in it.
     pub bridges: Duration,
 }
 

@@ -15,7 +15,7 @@ pub struct ServiceError {
     pub owner: String,
     /// The operation that failed.
     pub action: &'static str,
-    /// Error of iceoryx2.
+    /// Reason for the failure, as reported by iceoryx2.
     pub reason: String,
 }
 

@@ -19,7 +19,7 @@ pub(super) struct At<T> {
     pub value: Option<T>,
     /// Position of the value in the file.
     pub span: Span,
-    /// Position of the key, or of the value for an array element.
+    /// Position of the key; for an element of an array, the position of the value.
     pub key: Span,
 }
 

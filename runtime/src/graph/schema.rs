@@ -8,8 +8,8 @@ use super::model::GraphTable;
 use super::values::{NAME_PATTERN, ROBOT_NAME_PATTERN};
 use crate::worker::Registry;
 
-/// Returns the JSON Schema of graph files with the kinds of components in `registry`, in draft 7, which
-/// editors support best.
+/// Returns the JSON Schema of graph files with the kinds of components in `registry`. The schema follows
+/// draft 7, which editors support best.
 pub fn schema(registry: &Registry) -> Schema {
     let mut generator = SchemaSettings::draft07().for_deserialize().into_generator();
     let configs: Vec<Json> =

@@ -16,7 +16,7 @@ pub(super) struct Source {
     pub name: String,
     /// Content of the text.
     pub text: String,
-    /// Offset of the text's first byte in the shared range.
+    /// Offset of the text's first byte in the range of positions that all texts of a graph share.
     pub start: usize,
     /// Folder that relative paths in the text refer to.
     pub folder: PathBuf,

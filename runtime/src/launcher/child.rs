@@ -328,7 +328,7 @@ impl Child {
         }
     }
 
-    /// Waits for its end.
+    /// Waits for the end of the component.
     pub(super) fn wait(&mut self, timeout: Duration) -> bool {
         if let Body::Process { watch, .. } = &self.body {
             watch.wait(Some(timeout));

@@ -120,7 +120,7 @@ impl Counts {
     }
 }
 
-/// Returns the counts of a core between two readings.
+/// Returns the increase of a core's counts between two readings.
 fn came(before: &ByName, after: &ByName, core: usize) -> BTreeMap<String, u64> {
     let count = |counts: &ByName, name: &str| counts.get(name).and_then(|cores| cores.get(&core)).copied();
     after

@@ -34,7 +34,7 @@ pub(super) struct Guard {
 }
 
 impl Guard {
-    /// Returns the process, if there is one.
+    /// Returns the guard's process, if there is one.
     pub(super) fn child(&self) -> Option<&Child> {
         self.child.as_ref()
     }
@@ -58,7 +58,7 @@ impl Guard {
         }
     }
 
-    /// Starts the process.
+    /// Starts the guard's process.
     pub(super) fn start(&mut self, run: &Run) -> Result<(), LaunchError> {
         let child = Child::guard(run.program.path(), &run.folder)?;
         run.region.header().guard.store(child.pid(), Relaxed);
@@ -67,7 +67,8 @@ impl Guard {
         Ok(())
     }
 
-    /// Replaces a dead or stopped process. `late` is the delay of the launcher itself, ns.
+    /// Monitors the guard, and replaces its process if it is dead or stopped. `late` is the delay of the
+    /// launcher itself, ns.
     pub(super) fn monitor(&mut self, run: &Run, late: u64, observe: &mut dyn FnMut(Event<'_>)) {
         let header = run.region.header();
         let now = monotonic_ns();

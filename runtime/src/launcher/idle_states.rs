@@ -15,7 +15,7 @@ pub(super) struct IdleStates {
     _limit: Option<IdleLimit>,
     /// Limit in force, ns; `None` if none was requested or the system denied it.
     pub(super) exit_ns: Option<u64>,
-    /// Reason of a denial.
+    /// Reason why the system denied the limit; `None` if it did not.
     pub(super) denied: Option<String>,
 }
 

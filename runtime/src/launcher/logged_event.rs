@@ -24,8 +24,8 @@ pub const REPORTED_EVENTS: usize = 256;
 /// ```
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct LoggedEvent {
-    /// Real time since the first step at which the event occurred or was detected, s; negative before the
-    /// first step.
+    /// Real time from the first step of the run to the occurrence or detection of the event, s; negative
+    /// before the first step.
     pub time_s: f64,
     /// In lockstep, simulated time in the episode, s; `null` in real time.
     #[serde(default)]

@@ -64,7 +64,7 @@ impl Options {
         Self::new(Hosting::Inline, PathBuf::new())
     }
 
-    /// Pins a lockstep run to one core. Runs at the same time need one core each.
+    /// Pins a lockstep run to one core. Simultaneous runs need one core each.
     #[must_use]
     pub fn on_core(self, core: usize) -> Self {
         Self { core: Some(core), ..self }

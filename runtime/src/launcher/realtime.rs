@@ -18,7 +18,7 @@ pub(super) struct Realtime {
 }
 
 impl Realtime {
-    /// Creates the checks of a run, which start with it.
+    /// Creates the checks of a run. The checks start with the run.
     pub(super) fn new(run: &Rc<Run>) -> Self {
         Self { run: run.clone(), due_ns: 0 }
     }
@@ -50,8 +50,8 @@ impl Realtime {
         }
     }
 
-    /// Performs one round of all checks. Returns `Some` when supervision is over, with the exit, or without
-    /// one at `end`.
+    /// Performs one round of all checks. Returns `None` while supervision continues. When it is over, returns
+    /// the exit, or `Some(None)` at the time `end`.
     fn look(
         &mut self,
         end: u64,

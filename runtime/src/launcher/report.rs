@@ -94,8 +94,8 @@ pub struct ComponentReport {
     pub pid: u32,
     /// Number of completed steps.
     pub steps: u64,
-    /// Number of steps per second, from the first step to the end of the run, or until now if the component
-    /// no longer steps.
+    /// Number of steps per second, from the first step to the last one. If the component no longer steps, the
+    /// time from its last step until the end of the run (or until now, during the run) counts, too.
     pub rate_hz: f64,
     /// Lateness, ns: time from the release or the triggering publication to the start of the step. For a
     /// release by a descriptor, it counts from the wake-up, or from the time to which `min_interval` delayed

@@ -21,7 +21,8 @@ pub(super) struct Signals {
 }
 
 impl Signals {
-    /// Catches signals from now on, if requested; each of several runs in a process receives all of them.
+    /// Catches signals from now on if `catch` is true. Each of several runs in a process receives all
+    /// signals.
     pub(super) fn new(catch: bool) -> std::io::Result<Self> {
         let count = Arc::new(AtomicUsize::new(0));
         let (stream, sender) = UnixStream::pair()?;

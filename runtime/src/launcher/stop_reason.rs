@@ -17,8 +17,8 @@ pub(super) fn reason(plan: &Plan, region: &Region) -> String {
     describe(plan, &misses, &latencies)
 }
 
-/// Like [`reason`], from the misses of each component, and the number of misses and the longest time (ns) of
-/// each budget.
+/// Describes exceeded limits like [`reason`]. `misses` contains the misses of each component, and `latencies`
+/// the number of misses and the longest latency (ns) of each latency budget.
 fn describe(plan: &Plan, misses: &[Misses], latencies: &[(u64, u64)]) -> String {
     let overruns = plan.components.iter().zip(misses).filter_map(|(component, misses)| {
         let strict = component.on_overrun == OnOverrun::SafeStop;

@@ -55,9 +55,9 @@ pub(super) enum State {
 /// A component between its end and its next step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Down {
-    /// Time of its first end, ns.
+    /// Time of the component's first end since it last stepped, ns.
     pub(super) since_ns: u64,
-    /// Its step count at the last end.
+    /// Step count of the component at its last end.
     pub(super) steps: u64,
     /// Start of the new process, ns: immediately, or later after failures in a row.
     pub(super) start_ns: u64,
@@ -71,26 +71,26 @@ pub(super) struct Facts {
     pub(super) now_ns: u64,
     /// The watchdog's finding.
     pub(super) overdue: Option<Overdue>,
-    /// True if the memory of its old process is released.
+    /// True if the memory of the component's old process is released.
     pub(super) is_cleared: bool,
     /// True if the component steps after a restart.
     pub(super) steps_again: bool,
     /// Time within which a restarted component must step again, ns.
     pub(super) within_ns: u64,
-    /// The end of its process.
+    /// End of the component's process; `None` while the process runs.
     pub(super) ended: Option<Ended>,
 }
 
-/// The end of a component, and how its policies treat it.
+/// The end of a component, and its treatment by the component's policies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Ended {
-    /// The cause.
+    /// Cause of the end.
     pub(super) end: End,
     /// True if the component did not end in an orderly way.
     pub(super) is_failure: bool,
     /// True if a signal requested the end of the run.
     pub(super) is_requested: bool,
-    /// Delay of the restart that its policy grants, ns.
+    /// Delay of the restart that the component's policy grants, ns; `None` if the policy grants no restart.
     pub(super) delay_ns: Option<u64>,
     pub(super) on_failure: OnFailure,
 }
@@ -148,12 +148,12 @@ impl Supervision {
         }
     }
 
-    /// Returns `true` if it has ended permanently.
+    /// Returns `true` if the component has ended permanently.
     pub(super) fn is_gone(&self) -> bool {
         matches!(self.state, State::Lost { .. } | State::Gone)
     }
 
-    /// Returns the text of its end, if the graph continues without it.
+    /// Returns the text of the component's end, if the graph continues without the component.
     pub(super) fn lost(&self) -> Option<&str> {
         match &self.state {
             State::Lost { reason } => Some(reason),
@@ -161,14 +161,15 @@ impl Supervision {
         }
     }
 
-    /// Returns `true` if it has ended and not stepped since; `steps` is its step count.
+    /// Returns `true` if the component is down: it has ended and not stepped since. `steps` is its step
+    /// count.
     pub(super) fn is_down(&self, steps: u64) -> bool {
         self.state.down().is_some_and(|down| steps <= down.steps)
     }
 }
 
 impl State {
-    /// Returns the state between its end and its next step.
+    /// Returns the component's state between its end and its next step; `None` unless the component is down.
     pub(super) fn down(&self) -> Option<Down> {
         match self {
             Self::Clearing(down) | Self::Due(down) | Self::Starting(down) | Self::Late(down) => Some(*down),
@@ -176,7 +177,7 @@ impl State {
         }
     }
 
-    /// Returns the time since which it has stepped, ns, if it stepped until its end.
+    /// Returns the time since which the component has stepped, ns, if it stepped until its end.
     pub(super) fn stepping_since_ns(&self) -> Option<u64> {
         match self {
             Self::Stepping { since_ns } | Self::Hung { since_ns, .. } => Some(*since_ns),

@@ -144,7 +144,8 @@ impl Watchdog {
         self.due_ns
     }
 
-    /// Returns `true` if its component steps only on publications or events.
+    /// Returns `true` if the watched component may stay silent, because it steps only on publications or
+    /// events.
     pub(super) fn may_stay_silent(&self) -> bool {
         !matches!(self.waits_for, WaitsFor::Clock)
     }
@@ -155,7 +156,7 @@ impl Watchdog {
         self
     }
 
-    /// Checks a component.
+    /// Checks the component. Returns the phase in which it is overdue, or `None`.
     pub(super) fn check(&mut self, counters: &Counters, now_ns: u64) -> Option<Overdue> {
         match self.evaluate(counters, now_ns) {
             Ok(hang) => Some(hang),
@@ -166,7 +167,8 @@ impl Watchdog {
         }
     }
 
-    /// Returns `Err` with the earliest time at which it could hang, ns, unless it has hung.
+    /// Returns the phase in which the component is overdue. Otherwise returns, as `Err`, the earliest time at
+    /// which it could count as hung, ns.
     fn evaluate(&mut self, counters: &Counters, now_ns: u64) -> Result<Overdue, u64> {
         let in_step = counters.begun > counters.ended;
         let last_ns = counters.last_step_ns.max(self.since_ns);

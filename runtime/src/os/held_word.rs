@@ -77,7 +77,7 @@ pub(crate) fn offer(word: &AtomicU32) {
     word.store(0, Release);
 }
 
-/// Marks a word as if its holder had ended, for its waiters.
+/// Releases the waiters of a word: marks the word as if its holder had ended.
 pub(crate) fn release(word: &AtomicU32) {
     word.fetch_or(OWNER_DIED, Release);
     futex_wake(word);

@@ -43,8 +43,8 @@ pub enum Denied {
     /// Real-time priority under `SCHED_FIFO`.
     #[error("SCHED_FIFO priority {0} ({1})")]
     Priority(u8, String),
-    /// Run time under `SCHED_DEADLINE`: privileges are missing, or the kernel cannot guarantee so much time
-    /// any more.
+    /// Run time under `SCHED_DEADLINE`: privileges are missing, or the kernel can no longer guarantee the
+    /// requested time.
     #[error("SCHED_DEADLINE with {} us in every {} us ({reason})", runtime_ns / 1000, period_ns / 1000)]
     Deadline {
         /// Requested CPU time in each period, ns.
@@ -202,18 +202,18 @@ pub fn leave_realtime() {
     unsafe { libc::sched_setscheduler(0, libc::SCHED_OTHER | libc::SCHED_RESET_ON_FORK, &parameters) };
 }
 
-/// Gives the calling thread the lowest real-time priority, with which it wakes before all threads that are
-/// not real-time. If this is denied, acts like [`wake_soon`]. For a thread that sleeps almost all the time
-/// and uses no resource that a thread at normal priority may hold.
+/// Sets the calling thread to the lowest real-time priority. The thread then wakes before all threads that
+/// are not real-time. If the priority is denied, the function acts like [`wake_soon`]. Intended for a thread
+/// that sleeps almost all the time and uses no resource that a thread at normal priority may hold.
 pub fn wake_first() {
     if set_fifo(1).is_err() {
         wake_soon();
     }
 }
 
-/// Lets the calling thread, at normal priority, wake before other threads of that priority, by time slices as
-/// short as the kernel allows (0.1 ms, Linux 6.12 and later; no effect before). For a thread that sleeps
-/// almost all the time.
+/// Lets the calling thread, at normal priority, wake before other threads of that priority. Requests time
+/// slices as short as the kernel allows (0.1 ms on Linux 6.12 and later; no effect on earlier kernels).
+/// Intended for a thread that sleeps almost all the time.
 pub fn wake_soon() {
     const SHORTEST_TURN_NS: u64 = 100_000;
     // SAFETY: zero is a valid value of the plain struct.

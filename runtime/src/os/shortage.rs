@@ -83,7 +83,8 @@ pub fn with_shortage(reason: String, place: &Path) -> String {
     }
 }
 
-/// Formats an error of starting a process or thread. If a limit of the user is the cause, the text names it.
+/// Formats an error of starting a process or thread. If a limit of the user is the cause, the text names the
+/// limit.
 pub fn named(error: &std::io::Error) -> String {
     if error.raw_os_error() != Some(libc::EAGAIN) {
         return error.to_string();
@@ -105,8 +106,8 @@ fn limit(resource: Resource) -> Option<u64> {
     getrlimit(resource).current
 }
 
-/// Raises a limit to `wanted`, as far as permitted. Returns the limit then in force, or `None` if there is
-/// none.
+/// Raises the limit of a resource to `wanted`, as far as permitted. Returns the limit then in force, or
+/// `None` if the resource is unlimited.
 pub fn raise_limit(resource: Resource, wanted: u64) -> Option<u64> {
     let Rlimit { current, maximum } = getrlimit(resource);
     let current = current?;

@@ -127,7 +127,7 @@ impl ParameterService {
     }
 }
 
-/// Declaration of a parameter, the numbers of all parameters, and the index of its first number.
+/// Declaration of a parameter, the numbers of all parameters, and the index of the parameter's first number.
 pub(crate) type FoundParameter<'a> = (&'a ParameterDeclaration, &'a Numbers, usize);
 
 /// The component's side, which checks for changes between two steps.

@@ -29,7 +29,7 @@ pub struct Parameter<T> {
 pub trait AnyParameter: Copy {
     /// Declared kind of parameters of this type.
     const KIND: ParameterKind;
-    /// Converts the bits of a value that is known to have this kind.
+    /// Creates a value from `bits`, which must encode a value of the kind [`KIND`](Self::KIND).
     fn of_bits(bits: u64) -> Self;
 }
 

@@ -18,8 +18,8 @@ use serde::{Deserialize, Serialize};
 /// ```
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Expectation {
-    /// Path of the value in the report: the name of a component, then the path in its result or in its
-    /// section of the report.
+    /// Path of the figure (the value) in the report: the name of a component, then the path of the value in
+    /// the component's result or in the component's section of the report.
     pub figure: String,
     /// Comparison of the value with the bound.
     pub comparison: Comparison,

@@ -50,8 +50,8 @@ pub struct Plan {
     /// Conditions that the report of the run must satisfy.
     #[serde(default)]
     pub expectations: Vec<Expectation>,
-    /// Minimum number of events in the trace of each component that may go unread; 0 if the run is not
-    /// traced.
+    /// Minimum capacity of each component's trace, in events. Unread events beyond the capacity are lost. 0
+    /// if the run is not traced.
     #[serde(default)]
     pub trace_events: usize,
 }
@@ -62,8 +62,8 @@ impl Plan {
         component.safety.unwrap_or_else(|| self.safety.of_actuators())
     }
 
-    /// Returns the longest time for which an actuator stays in its safe state before it is stopped, ns. Not
-    /// less than the graph's `settle_ns`.
+    /// Returns the longest time for which an actuator stays in its safe state before it is stopped, ns. The
+    /// result is not less than the graph's `settle_ns`.
     pub fn settle_ns(&self) -> u64 {
         let own = self.components.iter().filter_map(|component| Some(component.safety?.settle_ns));
         own.fold(self.safety.settle_ns, u64::max)
@@ -299,7 +299,7 @@ pub struct ComponentPlan {
     pub robots: Vec<RobotReference>,
     /// True if the component applies commands to a robot.
     pub actuator: bool,
-    /// Safety rules of this actuator, if the graph overrides its `[safety]` for it.
+    /// Safety rules of this actuator; `None` if the graph's `[safety]` applies unchanged.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub safety: Option<ActuatorSafety>,
     /// Facts about the component in this graph that its table in the graph file does not show, one sentence
@@ -387,8 +387,8 @@ impl Plan {
         edges
     }
 
-    /// Returns the pin that an input uses, which is its index among the ports that read its topic; 0 for an
-    /// unwired input.
+    /// Returns the index of the pin that an input uses: the input's index among the ports that read the same
+    /// topic; 0 for an unwired input.
     pub fn pin(&self, component: usize, input: usize) -> usize {
         let inputs = &self.components[component].inputs;
         let Some(topic) = inputs[input].topic else { return 0 };

@@ -96,7 +96,7 @@ fn is_zero(number: &u64) -> bool {
 }
 
 impl SafetyPlan {
-    /// Returns the safety rules of actuators that the graph does not override.
+    /// Returns the safety rules of all actuators for which the graph does not override `[safety]`.
     pub(crate) fn of_actuators(&self) -> ActuatorSafety {
         ActuatorSafety {
             stale_after_ns: self.stale_after_ns,

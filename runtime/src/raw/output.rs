@@ -100,7 +100,8 @@ impl RawOutput {
         self.check.check(bytes)
     }
 
-    /// Publishes a copy of a value, stamped by this component, and wakes the components that it triggers.
+    /// Publishes a copy of a value, stamped by this component, and wakes the components that the topic
+    /// triggers.
     ///
     /// # Errors
     /// A number is not finite, a count exceeds its array, the size differs from the size of the type, or the

@@ -206,7 +206,7 @@ impl RawStreamOutput {
     }
 
     /// Publishes a copy of a value or of all elements of a slice, stamped by this component, and wakes the
-    /// components that it triggers.
+    /// components that the topic triggers.
     ///
     /// # Errors
     /// Nothing is published if a number is not finite, a count exceeds its array, or the slice is longer than

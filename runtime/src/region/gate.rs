@@ -198,8 +198,8 @@ impl GateBlock {
         self.late_resumes.load(Relaxed)
     }
 
-    /// Returns to the safe state for a new episode. This does not count as an entry, because no command has
-    /// been applied in the new episode yet.
+    /// Resets the gate to the safe state for a new episode. This does not count as an entry, because no
+    /// command has been applied in the new episode yet.
     pub fn begin_episode(&self) {
         self.state.store(GateState::Safe as u32, Relaxed);
         self.since_ns.store(0, Relaxed);
@@ -210,7 +210,7 @@ impl GateBlock {
         self.has_followed.load(Relaxed) != 0
     }
 
-    /// Returns the time that the gate has spent in the safe state since the first command, at `now_ns`, ns.
+    /// Returns the time that the gate has spent in the safe state from the first command until `now_ns`, ns.
     /// Safe states caused by `motorium stop --now` do not count.
     pub fn safe_ns(&self, now_ns: u64) -> u64 {
         let before_ns = self.safe_ns.load(Relaxed);
@@ -319,7 +319,7 @@ pub struct Limited {
 /// Number of commands that were refused for one reason.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Refused {
-    /// The reason.
+    /// Reason for the refusal.
     pub reason: Refusal,
     /// Number of commands refused for this reason.
     pub count: u64,

@@ -142,8 +142,8 @@ impl Header {
         &self.command
     }
 
-    /// Gives a command to all workers. It has no effect if a later command of [`Command`] was already given:
-    /// a late safe stop, from a component or the guard, does not replace a stop.
+    /// Orders all workers to execute a command. Has no effect if a command that follows it in [`Command`] was
+    /// ordered before. For example, a late safe stop from a component or the guard does not replace a stop.
     pub fn order(&self, command: Command) {
         self.command.fetch_max(command as u32, AcqRel);
         crate::os::futex_wake(&self.command);

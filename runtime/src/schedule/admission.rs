@@ -20,7 +20,7 @@ pub struct Admission {
     pub clock: ClockKind,
     /// Overheads that the analysis assumes.
     pub overheads: Overheads,
-    /// Limit of the kernel on real-time threads.
+    /// The kernel's limit on the run time of real-time threads.
     pub rt_limit: RtLimit,
     /// Load of every core with real-time components.
     pub cores: Vec<CoreLoad>,
@@ -74,7 +74,7 @@ pub struct CoreLoad {
     pub verdict: Verdict,
     /// Loads of the components, which add up to `share`.
     pub terms: Vec<LoadTerm>,
-    /// The sum as one line of text.
+    /// The sum of `terms` that yields `share`, as one line of text.
     pub arithmetic: String,
 }
 
@@ -83,15 +83,15 @@ pub struct CoreLoad {
 pub struct DeadlineLoad {
     /// Number of cores that the graph uses.
     pub cores: usize,
-    /// Total reserved time, in units of one core.
+    /// Sum of the shares reserved for these components, in units of one core.
     pub share: f64,
-    /// Maximum total that the kernel accepts, in units of one core.
+    /// Maximum `share` that the kernel accepts, in units of one core.
     pub limit: f64,
     /// Verdict on the load.
     pub verdict: Verdict,
     /// Loads of the components, which add up to `share`.
     pub terms: Vec<LoadTerm>,
-    /// The sum as one line of text.
+    /// The sum of `terms` that yields `share`, as one line of text.
     pub arithmetic: String,
 }
 
@@ -100,7 +100,7 @@ pub struct DeadlineLoad {
 pub struct LoadTerm {
     /// Name of the component.
     pub component: String,
-    /// Purpose of the time.
+    /// Activity for which the component uses the core.
     pub activity: Activity,
     /// Core time per period, ns.
     pub cost_ns: u64,
@@ -110,7 +110,7 @@ pub struct LoadTerm {
     pub share: f64,
 }
 
-/// Purpose for which a component uses its core.
+/// Activity for which a component uses its core.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Activity {
@@ -118,7 +118,7 @@ pub enum Activity {
     Spin,
     /// A step, including the overhead of the runtime.
     Step,
-    /// The whole reservation of a component under `SCHED_DEADLINE` that may run on this core.
+    /// The whole reservation of a `SCHED_DEADLINE` component, which may run on this core.
     Reserved,
 }
 
@@ -140,16 +140,17 @@ pub struct TaskBound {
     /// Component at whose release `response_ns` starts: the component itself, or the head of its trigger
     /// chain on the same core at the same priority.
     pub released_with: String,
-    /// Maximum time from that release to the end of the step, ns; `None` if there is no bound.
+    /// Response time of the step: maximum time from the release of `released_with` to the end of the step,
+    /// ns; `None` if there is no bound.
     pub response_ns: Option<u64>,
     /// Maximum time from the release of the head of the whole trigger chain to the end of the step, ns;
     /// `None` if there is no bound.
     pub chain_ns: Option<u64>,
-    /// Time until the next release, by which the step must have ended, ns.
+    /// Deadline of the step: time from a release to the next release, by which the step must have ended, ns.
     pub deadline_ns: u64,
     /// Verdict on the response time.
     pub verdict: Verdict,
-    /// The sum of `response_ns` as one line of text.
+    /// The sum that yields `response_ns`, as one line of text.
     pub arithmetic: String,
 }
 
@@ -168,7 +169,7 @@ pub struct LatencyBound {
     pub max_ns: u64,
     /// Verdict on the latency.
     pub verdict: Verdict,
-    /// The sum of `bound_ns` as one line of text.
+    /// The sum that yields `bound_ns`, as one line of text.
     pub arithmetic: String,
 }
 

@@ -76,7 +76,7 @@ pub enum SessionError {
     Topic {
         /// Name of the topic.
         topic: String,
-        /// The reason.
+        /// Reason for the error.
         reason: String,
     },
     /// A port could not be opened.

@@ -92,7 +92,7 @@ impl TopicReader {
         self.source.check()
     }
 
-    /// Pins the newest value. Returns `true` if it is not the value that was already pinned.
+    /// Pins the newest value. Returns `true` for a new value, `false` if the value was already pinned.
     pub fn poll(&mut self) -> bool {
         if !self.source.is_own() {
             return false;

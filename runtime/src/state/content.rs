@@ -67,7 +67,7 @@ impl Number {
     }
 }
 
-/// Error of [`ContentCheck::new`]: a field has an unsupported type or exceeds the buffer.
+/// Error of [`ContentCheck::new`]: a field has an unsupported type or extends beyond the buffer.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("field `{field}` of {type_name} is {kind} at byte {offset}, expected numbers inside the buffer")]
 pub struct UnknownKind {
@@ -101,7 +101,7 @@ pub enum ContentDefect {
         /// Index in an array, otherwise 0.
         index: usize,
     },
-    /// A count exceeds its array.
+    /// A count exceeds the capacity of its array.
     #[error("field {field} has {found} entries in use, expected at most {capacity}")]
     Count {
         /// Index of the array in [`TypeLayout::fields`].
@@ -163,7 +163,7 @@ impl ContentCheck {
         Ok(())
     }
 
-    /// Checks any number of consecutive buffers, like [`check`](Self::check).
+    /// Checks all of several consecutive buffers, each as [`check`](Self::check) does.
     ///
     /// # Errors
     /// Returns the first defect; field and entry are counted within the buffer that has the defect.

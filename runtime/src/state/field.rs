@@ -52,8 +52,8 @@ pub unsafe trait Field: Copy + core::fmt::Debug + 'static {
         Ok(())
     }
 
-    /// Writes values to consecutive places until one of the two runs out, and checks each value while it is
-    /// in registers. Returns the number of values written, and `true` if all of them are valid.
+    /// Writes `values` to the consecutive `places` until values or places run out. Checks each value while it
+    /// is in registers. Returns the number of values written, and `true` if all of them are valid.
     fn write_checked(places: &mut [Self], values: impl Iterator<Item = Self>) -> (usize, bool) {
         let (mut values, mut count) = (values, 0);
         for part in places.chunks_mut((PART / size_of::<Self>().max(1)).max(1)) {
@@ -72,7 +72,7 @@ pub unsafe trait Field: Copy + core::fmt::Debug + 'static {
         (count, true)
     }
 
-    /// Adds the meaningful content to a digest, without the unused entries of a buffer.
+    /// Adds the content of the value to a digest, except for entries of arrays that are not in use.
     fn digest(&self, digest: &mut Digest);
 
     /// Adds consecutive values to a digest, like [`digest`](Self::digest).
@@ -147,7 +147,7 @@ pub enum Defect {
         /// The value found.
         value: f64,
     },
-    /// A count exceeds its array.
+    /// A count exceeds the capacity of its array.
     #[error("`{field}` counts {found} entries, but the buffer holds at most {capacity}")]
     Count {
         /// Name of the field.
@@ -160,7 +160,7 @@ pub enum Defect {
 }
 
 impl Defect {
-    /// Sets the name of the field that has the defect, unless a nested field has already set it.
+    /// Sets the name of the field that has the defect, unless a nested field has already set a name.
     #[must_use]
     pub fn inside(self, name: &'static str) -> Self {
         match self {

@@ -17,8 +17,8 @@ pub struct FieldLayout {
     pub kind: String,
     /// Size of the field, bytes.
     pub size: usize,
-    /// Name of the `u32` field that counts the entries of this array in use; `None` if all entries are in
-    /// use.
+    /// For an array, the name of the `u32` field with the number of entries in use; `None` if all entries are
+    /// always in use.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub count: Option<String>,
 }

@@ -113,8 +113,8 @@ counted_buffer! {
     pub struct ActionChunk as "motorium.ActionChunk", at most MAX_CHUNK {
         plain {
             /// Time of the first action, ns on the clock of [`Stamp`](super::Stamp)s: usually the
-            /// `state_time` of the observation that the chunk answers. 0: the time at which the chunk is
-            /// published.
+            /// `state_time` of the observation that the chunk answers. 0 stands for the time at which the
+            /// chunk is published.
             time: u64;
             /// Time between two actions, ns. Must be above 0.
             period: u64;

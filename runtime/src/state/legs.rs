@@ -78,7 +78,8 @@ crate::state_buffer! {
         /// Bias of the accelerometer, in the axes of the sensor, m/s^2.
         pub accelerometer_bias: [f64; 3],
         /// Covariance of the errors of orientation (as a rotation vector), velocity and position, in this
-        /// order and in the axes of the world. A 9 x 9 matrix, row by row, from rad, m/s and m.
+        /// order and in the axes of the world. A 9 x 9 matrix, row by row; the units of the entries are
+        /// products of rad, m/s and m.
         pub covariance: [f64; 81],
         /// Standard deviations of the biases, the gyroscope's first, rad/s and m/s^2.
         pub bias_deviation: [f64; 6],

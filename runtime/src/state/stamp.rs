@@ -8,21 +8,24 @@ pub const FUTURE_TOLERANCE_NS: u64 = 1_000_000;
 
 crate::state_buffer! {
     /// Header of a sample: its sequence number, its times and its publisher. Every [`StateBuffer`] sample has
-    /// it as its user header.
+    /// a stamp as its user header.
     ///
-    /// Times are nanoseconds on `CLOCK_MONOTONIC`, or simulated nanoseconds since the start in lockstep.
+    /// In real time, times are nanoseconds on `CLOCK_MONOTONIC`. In lockstep, they are simulated nanoseconds
+    /// since the start.
     pub struct Stamp as "motorium.Stamp" {
         /// Sequence number of the sample within its publisher, from 1; 0 is never published.
         pub sequence: u64,
-        /// Publication time of the first sample in the processing chain, or the time passed to
-        /// `Loan::publish_from`. A sample computed from an input inherits the input's source time. Therefore
-        /// `publish_time - source_time` is the latency of the whole chain so far.
+        /// Time of the source data: the time passed to `Loan::publish_from` or, without such a call, the
+        /// publication time of the first sample in the processing chain. A sample computed from an input
+        /// inherits the input's source time. Therefore `publish_time - source_time` is the latency of the
+        /// whole chain so far.
         pub source_time: u64,
-        /// Publication time of this sample. It is read after the sample was filled and before its content is
-        /// checked.
+        /// Publication time of this sample. The clock is read after the sample was filled and before its
+        /// content is checked.
         pub publish_time: u64,
-        /// Time of the state: the scheduled release of the time-triggered step that produced the sample, or
-        /// of the first step of its trigger chain. It is on the grid of the rate even if the step was late.
+        /// Time of the state: the scheduled release of the time-triggered step that produced the sample. For
+        /// a triggered step, this is the release of the first step in the trigger chain. The time is on the
+        /// grid of the rate even if the step was late.
         pub state_time: u64,
         /// Index of the episode in which the sample was published, from 0.
         pub episode: u64,

@@ -12,8 +12,8 @@ const BUCKETS: usize = ((MAX_BITS - SUB_BITS + 1) << SUB_BITS) as usize;
 
 /// A histogram of durations, ns. Buckets are 3 % wide; the maximum is exact.
 ///
-/// Zero bytes are a valid empty histogram, so it can be used in freshly mapped shared memory. It has one
-/// writer. Readers may miss the record that is being written.
+/// Zero bytes are a valid empty histogram, so a histogram can be used in freshly mapped shared memory. A
+/// histogram has one writer. Readers may miss the record that is being written.
 #[derive(Debug)]
 #[repr(C)]
 pub struct Histogram {

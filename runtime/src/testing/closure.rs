@@ -38,7 +38,7 @@ impl Part {
         Self(number)
     }
 
-    /// Returns the number.
+    /// Returns the number of the part.
     pub(super) fn number(&self) -> u64 {
         self.0
     }

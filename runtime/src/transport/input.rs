@@ -47,7 +47,7 @@ enum Source<T: StateBuffer> {
     },
 }
 
-/// A value in shared memory, as of the read of its input.
+/// A value that an input has read, in place in shared memory.
 #[derive(Debug)]
 pub struct Reading<'a, T: StateBuffer> {
     stamp: &'a Stamp,
@@ -122,8 +122,8 @@ impl<T: StateBuffer> Input<T> {
         !matches!(self.source, Source::Unwired)
     }
 
-    /// Returns `true` if the topic was published since the last read of this input. Cheap enough for polling
-    /// loops: it reads one word and does not disturb the publisher.
+    /// Returns `true` if the topic has news: a publication since the last read of this input. Cheap enough
+    /// for polling loops: the call reads one word and does not disturb the publisher.
     #[inline]
     pub fn has_news(&self) -> bool {
         let (newest, seen) = match &self.source {
@@ -218,8 +218,8 @@ impl<T: StateBuffer> Input<T> {
         is_new
     }
 
-    /// Like [`advance`](Self::advance), for streams. It is a separate function to keep the instructions of a
-    /// step contiguous.
+    /// Advances to the next value in the queue of a stream. Separate from [`advance`](Self::advance) to keep
+    /// the instructions of a step contiguous.
     #[inline(never)]
     fn advance_in_queue(&mut self) -> bool {
         let Source::Stream { queue, memory, seen } = &mut self.source else { return false };

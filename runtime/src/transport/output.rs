@@ -102,7 +102,7 @@ impl<T: StateBuffer> Output<T> {
     /// Lends the memory of the next value, to be filled and published.
     ///
     /// # Errors
-    /// All samples of a stream are still in use by readers. Does not occur if every reader respects its
+    /// All samples of a stream are still in use by readers. This does not occur if every reader respects its
     /// limits.
     #[inline]
     pub fn loan(&mut self) -> Result<Loan<'_, T>, StepError> {
@@ -158,9 +158,9 @@ impl<T: StateBuffer> Loan<'_, T> {
     /// the count of numbers written; the remaining entries are unchanged.
     ///
     /// Use it for arrays of `f64` and `f32` that are too large for the L1 cache, such as maps, weights and
-    /// images: checking these lasts as long as filling them. Only the last array filled this way skips the
-    /// second check. Set counts and other fields beforehand: any later write through `&mut` makes `publish`
-    /// check the whole value again.
+    /// images: a separate check of such an array takes as long as filling it. Only the last array filled this
+    /// way skips the second check. Set counts and other fields beforehand: any later write through `&mut`
+    /// makes `publish` check the whole value again.
     ///
     /// ```
     /// # use motorium::prelude::*;
@@ -202,7 +202,7 @@ impl<T: StateBuffer> Loan<'_, T> {
         written
     }
 
-    /// Publishes the value and wakes the components that it triggers.
+    /// Publishes the value and wakes the components that the topic triggers.
     ///
     /// # Errors
     /// [`StepError::InvalidOutput`] if a number of the value is not finite or a count exceeds its array.

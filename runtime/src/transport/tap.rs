@@ -13,9 +13,9 @@ use crate::state::{Digest, Stamp, TypeLayout};
 
 /// A reader of every value of a topic, in order, from outside the graph. For tools and recorders.
 ///
-/// A tap costs the writer nothing, and the writer never waits for one. Older values of a state are read from
-/// its slots, which contain the values of its `history` plus a few. Values overwritten before they were read
-/// are counted ([`missed`](Self::missed)). A topic supports four taps at a time. A tap is released
+/// A tap costs the writer nothing, and the writer never waits for a tap. Older values of a state are read
+/// from its slots, which contain the values of its `history` plus a few. Values overwritten before they were
+/// read are counted ([`missed`](Self::missed)). A topic supports four taps at a time. A tap is released
 /// immediately when its process is killed.
 #[derive(Debug)]
 pub struct Tap {

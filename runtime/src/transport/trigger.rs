@@ -14,9 +14,9 @@ pub(crate) const SPIN_NS: u64 = 20_000;
 /// The waiting side of a topic: sleeps until the next publication.
 ///
 /// If the publisher runs on another core, a wake-up costs far more than reading the data. Therefore the
-/// waiter polls for about that time before it sleeps. After an unsuccessful poll the next wait skips polling,
-/// then the next two, and so on up to 64. A component that waits for a millisecond at a time thus spends less
-/// than 0.1 % of its core on polling.
+/// waiter polls for about the duration of a wake-up before it sleeps. After an unsuccessful poll the next
+/// wait skips polling, then the next two, and so on up to 64. A component that waits for a millisecond at a
+/// time thus spends less than 0.1 % of its core on polling.
 #[derive(Debug)]
 pub struct Trigger {
     memory: Rc<TopicMemory>,
@@ -37,7 +37,8 @@ impl Trigger {
         self.wait_until(None);
     }
 
-    /// Like [`wait`](Self::wait), but at most until the clock reaches `until_ns`. Returns `true` if it slept.
+    /// Waits like [`wait`](Self::wait), but at most until the clock reaches `until_ns`. Returns `true` if the
+    /// calling thread slept.
     #[inline(always)]
     pub(crate) fn wait_until(&self, until_ns: Option<u64>) -> bool {
         let seen = self.seen.get();

@@ -39,8 +39,8 @@ impl Kind {
     /// Creates the kind of a component type.
     ///
     /// A library should return its kinds from a function marked `#[inline(never)]`. The steps of its
-    /// components are then compiled and optimised with the library. If the function were inlined, they would
-    /// be compiled with the optimisation of each caller.
+    /// components are then compiled and optimised with the library. If the function were inlined, the steps
+    /// would be compiled with the optimisation of each caller.
     pub const fn of<C: Component>() -> Self {
         Self {
             name: C::KIND,
@@ -65,8 +65,8 @@ impl Kind {
         self.declare_in(config, Declare::new(robot))
     }
 
-    /// Same as [`declare`](Self::declare), with a declaration that already contains the robots and the
-    /// placement in the graph.
+    /// Declares the ports and parameters like [`declare`](Self::declare), in a declaration that already
+    /// contains the robots and the placement in the graph.
     ///
     /// # Errors
     /// The configuration is invalid, or a component of this kind supports at most one robot.

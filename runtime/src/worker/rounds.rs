@@ -99,8 +99,8 @@ impl Rounds {
     }
 
     /// Passes the turn from the component `giver`, which has stepped at `time_ns`, to the next due component.
-    /// That is in the same round, or in the next round if it may begin without the launcher. Otherwise, or if
-    /// that component is not running, the launcher gets the turn.
+    /// This component is due in the same round or, if the next round may begin without the launcher, in the
+    /// next round. Otherwise, or if that component is not running, the launcher gets the turn.
     pub(super) fn pass_on(&self, region: &Region, giver: usize, time_ns: u64) {
         let header = region.header();
         let next = self.next(region, giver, time_ns).filter(|(component, _)| {

@@ -4,7 +4,7 @@ use clap::builder::PossibleValuesParser;
 
 /// A graph of the `graphs` folder, as of the build of the command.
 struct ExampleGraph {
-    /// Its name, for `motorium run --example`.
+    /// Name of the graph, for `motorium run --example`.
     name: &'static str,
     text: &'static str,
 }

@@ -77,7 +77,8 @@ impl GraphArgs {
         Ok(checked)
     }
 
-    /// Like [`load`](Self::load), without printing warnings, for a command whose answer contains them.
+    /// Loads and checks the graph like [`load`](Self::load), but does not print warnings. For a command whose
+    /// answer contains the warnings.
     pub(crate) fn load_silently(&self, registry: &Registry) -> Result<Checked, ExitCode> {
         let colour = std::io::stderr().is_terminal();
         let machine = Machine::detect();

@@ -60,7 +60,8 @@ struct Actuator {
     name: String,
     state: GateState,
     latch: Option<Latch>,
-    /// Time from the command to that state, ms; `null` if it did not reach it in time.
+    /// Time from the command until the actuator reached that state, ms; `null` if it did not reach the state
+    /// in time.
     after_ms: Option<f64>,
 }
 

@@ -155,7 +155,7 @@ impl Watched {
         Ok(Self(command.spawn().with_context(|| format!("starting {}", program.display()))?))
     }
 
-    /// Returns `true` if it is still running.
+    /// Returns `true` if the viewer is still running.
     pub(super) fn goes_on(&mut self) -> bool {
         matches!(self.0.try_wait(), Ok(None))
     }

@@ -19,17 +19,17 @@ use origin::Origin;
 /// A failed command: the one JSON object that it prints with `--json`, on one line.
 ///
 /// A command that has an answer although it ends with another exit code than 0 (the report of a run that
-/// ended in a safe stop, the findings of the doctor) prints that answer instead, which says so.
+/// ended in a safe stop, the findings of the doctor) prints that answer instead, which contains the outcome.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 #[schemars(title = "Error")]
 pub(crate) struct Failure {
-    /// False: nothing was done, or not all of it.
+    /// Always `false`: the command did nothing, or only a part of its work.
     valid: bool,
     /// The error and its causes, in one line.
     error: String,
-    /// Class of the mistake.
+    /// Class of the failure.
     kind: Kind,
-    /// Exit code of the command: one for each class.
+    /// Exit code of the command, one for each `kind` of failure.
     exit_code: u8,
     /// The file at fault; `--set` for an override of the command line.
     file: Option<String>,
@@ -41,13 +41,13 @@ pub(crate) struct Failure {
     found: Option<String>,
     /// The value expected.
     expected: Option<String>,
-    /// Advice: what to try.
+    /// Advice on how to fix the problem.
     help: Option<String>,
     /// All findings of a graph file; the fields above describe the first.
     diagnostics: Vec<DiagnosticReport>,
 }
 
-/// A class of mistakes: each has its exit code.
+/// Class of a failure. Each class has a separate exit code.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum Kind {
@@ -76,7 +76,7 @@ impl Kind {
 /// `true` if the command line contains `--json`.
 static JSON: OnceLock<bool> = OnceLock::new();
 
-/// Reads from the arguments of the program whether errors are printed as JSON.
+/// Determines from the program's arguments whether errors are printed as JSON.
 pub(crate) fn arrange(arguments: &[String]) {
     let options = arguments.iter().take_while(|argument| *argument != "--");
     let _ = JSON.set(options.into_iter().any(|argument| argument == "--json"));
@@ -178,7 +178,7 @@ impl Failure {
         failure
     }
 
-    /// Prints the failure; the exit code of the command.
+    /// Prints the failure and returns the exit code of the command.
     pub(crate) fn report(&self) -> ExitCode {
         errln!("{}: {}", style::error("error"), self.error);
         self.print_json()

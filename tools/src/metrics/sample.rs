@@ -13,23 +13,23 @@ use crate::runs::LivingRun;
 /// A snapshot of a running graph. All counters start at the beginning of the run.
 #[derive(Debug, Clone)]
 pub(crate) struct Sample {
-    /// Time at which it was taken, on `CLOCK_MONOTONIC`, ns.
+    /// Time at which the sample was taken, `CLOCK_MONOTONIC` ns.
     pub(crate) taken_ns: u64,
-    /// Time since the start on the run's clock, ns; 0 before it.
+    /// Time since the start of the run on the run's clock, ns; 0 before the start.
     pub(crate) elapsed_ns: u64,
     /// Time of the sample on the clock of the run's stamps, ns.
     pub(crate) now_ns: u64,
     /// Last command of the launcher.
     pub(crate) command: Command,
-    /// In the order of the graph.
+    /// Sample of each component, in the order of the graph.
     pub(crate) components: Vec<ComponentSample>,
-    /// In the order of the graph.
+    /// Sample of each latency budget, in the order of the graph.
     pub(crate) latencies: Vec<LatencySample>,
-    /// In the order of the plan's edges.
+    /// Ages of the samples read over each edge, in the order of the plan's edges.
     pub(crate) edges: Vec<Snapshot>,
-    /// In the order of the plan's topics.
+    /// Sample of each topic, in the order of the plan.
     pub(crate) topics: Vec<TopicSample>,
-    /// In the order of their numbers.
+    /// Times of each core, in the order of the cores' indices.
     pub(crate) cores: Vec<CoreTimes>,
 }
 
@@ -38,7 +38,7 @@ pub(crate) struct Sample {
 pub(crate) struct ComponentSample {
     pub(crate) phase: Phase,
     pub(crate) safe: bool,
-    /// `None` for components other than actuators.
+    /// Statistics of an actuator's command gate; `None` for other components.
     pub(crate) gate: Option<GateReport>,
     pub(crate) pid: u32,
     pub(crate) begun: u64,
@@ -53,12 +53,13 @@ pub(crate) struct ComponentSample {
     pub(crate) errors: u64,
     pub(crate) refused: u64,
     pub(crate) restarts: u32,
-    /// Of the component's and of foreign code; `None` if its program does not count them.
+    /// Number of heap allocations by the component's code and by third-party code; `None` if the component's
+    /// program does not count them.
     pub(crate) allocations: Option<(u64, u64)>,
     pub(crate) page_faults: u64,
     pub(crate) spin_ns: u64,
     pub(crate) stalls: Stalls,
-    /// Its use of the machine; `None` if its process is gone.
+    /// Use of the machine by the component; `None` if the component's process is gone.
     pub(crate) usage: Option<Usage>,
 }
 

@@ -10,8 +10,8 @@ pub(crate) struct Usage {
     pub(crate) thread_ns: u64,
     /// Memory of its process that is in use, bytes.
     pub(crate) resident_bytes: u64,
-    /// The part of it that is shared with other processes: the program file and the shared memory of the run,
-    /// bytes.
+    /// Part of the resident memory that is shared with other processes: the program file and the shared
+    /// memory of the run, bytes.
     pub(crate) shared_bytes: u64,
 }
 

@@ -31,7 +31,8 @@ fn listed(candidates: &[Candidate]) -> String {
     candidates.iter().map(|candidate| format!("\n  {}  (graph {})", candidate.id, candidate.graph)).collect()
 }
 
-/// Like [`choose`] for runs sorted from newest to oldest, with the newest living run as default.
+/// Chooses a run like [`choose`], with the newest live run as the default. The candidates must be sorted from
+/// newest to oldest.
 pub(super) fn choose_newest(wanted: Option<&str>, candidates: &[Candidate]) -> Result<usize, ChooseError> {
     match (wanted, candidates.iter().position(|candidate| candidate.alive)) {
         (None, Some(newest)) => Ok(newest),

@@ -38,7 +38,8 @@ impl RunArg {
         opened(pick(self.run.as_deref())?)
     }
 
-    /// Like [`look`](Self::look), but also opens a run left behind by a crash if its full id is given.
+    /// Opens a run like [`look`](Self::look). Also opens a run left behind by a crash if its full id is
+    /// given.
     pub(crate) fn open_even_if_over(&self) -> anyhow::Result<LivingRun> {
         match self.run.as_deref().and_then(RunFolder::find) {
             Some(folder) => opened(folder),
@@ -108,7 +109,8 @@ pub(crate) struct LivingRun {
 }
 
 impl LivingRun {
-    /// Now on the clock of the run's stamps, ns: `CLOCK_MONOTONIC`, or the simulated time handed out last.
+    /// Returns the current time on the clock of the run's stamps, ns. In real time this is
+    /// `CLOCK_MONOTONIC`, in lockstep the simulated time handed out last.
     pub(crate) fn now_ns(&self) -> u64 {
         match self.plan.clock {
             ClockKind::Realtime => monotonic_ns(),

@@ -9,7 +9,7 @@ use motorium::region::TraceEvent;
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Step {
     pub(super) number: u64,
-    /// On the clock of stamps: simulated time in lockstep.
+    /// Release time on the clock of stamps, which is simulated time in lockstep, ns.
     pub(super) release_ns: u64,
     pub(super) begin_ns: u64,
     pub(super) end_ns: u64,
@@ -40,7 +40,7 @@ pub(super) struct HandOver {
     pub(super) reader: usize,
     pub(super) sequence: u64,
     pub(super) published_ns: u64,
-    /// Within the step that read it, and not before it was published.
+    /// Time of the read, within the reading step and not before the publication.
     pub(super) read_ns: u64,
     /// `true` if the topic wakes the reader, which waited for this sample.
     pub(super) wakes: bool,

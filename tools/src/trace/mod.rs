@@ -49,7 +49,7 @@ enum Message {
 #[derive(Default)]
 struct Followed {
     start_ns: u64,
-    /// Of each component, in the order of the plan.
+    /// Events of each component, in the order of the plan.
     components: Vec<Vec<TraceEvent>>,
     lost: Vec<u64>,
 }

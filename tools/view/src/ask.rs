@@ -46,7 +46,7 @@ pub(crate) enum Command {
 impl Command {
     pub(crate) const ALL: [Self; 4] = [Self::Stop, Self::Resume, Self::End, Self::Start];
 
-    /// Returns the name of its service.
+    /// Returns the name of the command's service.
     pub(crate) fn service(self) -> &'static str {
         match self {
             Self::Stop => "/motorium/stop",
@@ -137,7 +137,7 @@ pub(crate) struct Play(pub(crate) Shared);
 #[serde(deny_unknown_fields)]
 struct PlayRequest {
     plays: bool,
-    /// Unchanged if not given.
+    /// Speed relative to the recording; unchanged if missing.
     speed: Option<f64>,
     /// Time since the start, s.
     place_s: Option<f64>,

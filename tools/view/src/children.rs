@@ -18,7 +18,7 @@ pub(crate) enum NeverSeen {
     /// The run failed with an exit code; `motorium run` has printed the reason.
     #[error("`motorium run` ended with exit code {0} before the viewer saw its graph")]
     Failed(u8),
-    /// A signal ended it.
+    /// A signal ended the run.
     #[error("`motorium run` was ended ({0}) before the viewer saw its graph")]
     Killed(ExitStatus),
     /// It ended in good order.

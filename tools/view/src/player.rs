@@ -13,7 +13,7 @@ const SPEEDS: [f64; 2] = [0.01, 100.0];
 pub(crate) struct Player {
     start_ns: u64,
     end_ns: u64,
-    /// Since the start, ns.
+    /// Position since the start of the recording, ns.
     place: f64,
     speed: f64,
     plays: bool,

@@ -18,7 +18,7 @@ pub(crate) struct Rights {
 }
 
 impl Rights {
-    /// Rights that this token gives.
+    /// Creates rights that this token grants.
     pub(crate) fn new(token: String) -> Self {
         Self { token, holders: Mutex::default() }
     }

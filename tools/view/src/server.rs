@@ -28,8 +28,8 @@ impl std::fmt::Debug for Server {
 }
 
 impl Server {
-    /// Starts it on a free port of the loopback interface, on this runtime: for a run, or for a recording and
-    /// its times.
+    /// Starts the server on a free port of the loopback interface, on this runtime: for a run, or for a
+    /// recording and its times.
     pub(crate) async fn start(
         asks: Asks,
         recorded: Option<(Arc<Recording>, (u64, u64))>,

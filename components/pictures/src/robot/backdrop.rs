@@ -9,7 +9,7 @@ use nalgebra::{Isometry3, Vector3};
 use super::solid::{Detail, Form, Solid};
 use super::terrain::terrain_mesh;
 
-/// Sides of the world's plane that are drawn as one object of it are shorter \[m\].
+/// Extent from which a solid counts as a wall or a floor rather than as an object \[m\].
 const LARGE: f64 = 3.0;
 
 /// The visible parts of a world.
@@ -41,7 +41,7 @@ impl Backdrop {
         Self { parts, terrain }
     }
 
-    /// Its solids, with the objects at these poses.
+    /// Returns the solids of the world, with the objects at these poses.
     pub(super) fn solids(&self, poses: &[Isometry3<f64>]) -> Vec<Solid> {
         let placed = self.parts.iter().filter_map(|(index, frame, solid)| {
             Some(Solid { pose: poses.get(*index)? * frame, ..solid.clone() })
@@ -49,7 +49,7 @@ impl Backdrop {
         placed.chain(self.terrain.clone()).collect()
     }
 
-    /// Its objects to frame in a picture, without walls and floors, at these poses.
+    /// Returns the objects of the world to frame in a picture, without walls and floors, at these poses.
     pub(super) fn things(&self, poses: &[Isometry3<f64>]) -> Vec<Solid> {
         let mut solids = self.solids(poses);
         solids.truncate(self.parts.len());
@@ -58,7 +58,7 @@ impl Backdrop {
     }
 }
 
-/// The visible shapes of an object: of a mesh its visual, not the parts that it collides with.
+/// Returns the visible shapes of an object. For a mesh, these are its visual and not its collision parts.
 fn visible(shape: &ObjectShape) -> Vec<(Isometry3<f64>, Geometry)> {
     match shape {
         ObjectShape::Mesh(shape) => {

@@ -131,7 +131,8 @@ fn follows(film: &Film) -> bool {
     !film.robots.is_empty() && film.robots.iter().all(|robot| robot.robot.model.base().floating)
 }
 
-/// Horizontal position of the robots that the camera follows, one per time; the origin if it does not follow.
+/// Returns the horizontal position of the robots that the camera follows, one per time; the origin if the
+/// camera does not move.
 fn middles(film: &Film) -> Vec<Vector3<f64>> {
     let count = film.times_s.len();
     if !follows(film) {
@@ -151,13 +152,13 @@ fn middles(film: &Film) -> Vec<Vector3<f64>> {
     (0..count).map(steady).collect()
 }
 
-/// The lowest and the highest coordinates of points.
+/// Returns the lowest and the highest coordinates of points.
 fn bounds<'a>(points: impl Iterator<Item = &'a Point3<f64>>) -> (Vector3<f64>, Vector3<f64>) {
     let none = (Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY));
     points.fold(none, |(low, high), point| (low.inf(&point.coords), high.sup(&point.coords)))
 }
 
-/// The plane of the world; without a world the plane z = 0, if robots stand on it.
+/// Returns the plane of the world. Without a world, returns the plane z = 0 if robots stand on it.
 fn floor(film: &Film, low: &Vector3<f64>, high: &Vector3<f64>) -> Option<Floor> {
     let appearance = film.world.as_ref().map(|world| world.appearance.clone()).unwrap_or_default();
     let checker = appearance.checker;
@@ -171,7 +172,7 @@ fn floor(film: &Film, low: &Vector3<f64>, high: &Vector3<f64>) -> Option<Floor> 
     Some(Floor { height, colour: appearance.ground(), side, checker, middle: Point3::origin() })
 }
 
-/// The plane z = 0 below a scene, if the scene is near it.
+/// Returns the plane z = 0 below a scene, if the scene is near the plane.
 pub(super) fn floor_below(scene: &Scene) -> Option<Floor> {
     let points: Vec<Point3<f64>> = scene.solids.iter().flat_map(Solid::corners).collect();
     let (low, high) = bounds(points.iter());
@@ -181,13 +182,13 @@ pub(super) fn floor_below(scene: &Scene) -> Option<Floor> {
     Some(Floor { height, colour, side, checker: None, middle })
 }
 
-/// The height of the ground, 0, if the scene above it is near.
+/// Returns the height of the ground, 0, if the scene above the ground is near.
 fn ground_below(low: &Vector3<f64>, high: &Vector3<f64>) -> Option<f64> {
     let extent = (high - low).max();
     (-0.02 * extent..0.5 * extent).contains(&low.z).then_some(0.0)
 }
 
-/// A round number of metres, at least this one.
+/// Returns a round number of metres that is at least `rough`.
 fn round_step(rough: f64) -> f64 {
     let decade = 10_f64.powf(rough.log10().floor());
     decade * [1.0, 2.0, 5.0, 10.0].into_iter().find(|by| by * decade >= rough).unwrap_or(10.0)

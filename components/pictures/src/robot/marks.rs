@@ -42,7 +42,7 @@ impl Marks {
     }
 }
 
-/// The requested frames and their poses.
+/// Returns the requested frames and their poses.
 fn frames(robot: &Loaded, kinematics: &Kinematics, wanted: Frames) -> Vec<(String, Isometry3<f64>)> {
     let model = &robot.model;
     let names: BTreeSet<&str> = match wanted {

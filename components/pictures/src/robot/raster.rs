@@ -51,7 +51,7 @@ pub(super) struct Floor {
     pub(super) side: f64,
     /// Colour of every second square; else the sides of the squares are lines.
     pub(super) checker: Option<[f64; 3]>,
-    /// The point around which it is visible.
+    /// The point around which the ground is visible.
     pub(super) middle: Point3<f64>,
 }
 
@@ -62,7 +62,7 @@ struct Triangle {
     colour: [f64; 3],
 }
 
-/// Rows of red, green and blue.
+/// Paints the scene. Returns the rows of the picture as red, green and blue.
 pub(super) fn paint(scene: &Scene, camera: &Camera, floor: Option<&Floor>) -> Vec<u8> {
     let triangles: Vec<Triangle> = scene.solids.iter().flat_map(triangles).collect();
     let shadows = Shadows::new(&triangles);
@@ -115,7 +115,7 @@ struct Seen {
     shares: [f32; 2],
 }
 
-/// The triangles of a solid.
+/// Returns the triangles of a solid.
 fn triangles(solid: &Solid) -> Vec<Triangle> {
     let (skin, pose) = (solid.skin(), &solid.pose);
     let of = |(corners, normals): (&[u32; 3], &[Vector3<f64>; 3])| Triangle {
@@ -154,7 +154,8 @@ fn fill([a, b, c]: [[f64; 3]; 3], width: usize, height: usize, mut visit: impl F
     }
 }
 
-/// A surface in the light, of which `light` arrives: less from below, a gloss where it is mirrored.
+/// Returns the colour of a lit surface. `light` is the part of the light that arrives at the surface. Light
+/// from below counts less, and a mirrored light makes the surface glossy.
 fn lit(colour: &[f64; 3], normal: &Vector3<f64>, eye: &Vector3<f64>, light: f64) -> [f64; 3] {
     let to_light = LIGHT.normalize();
     let sky = 0.36 + 0.12 * normal.z;
@@ -163,7 +164,8 @@ fn lit(colour: &[f64; 3], normal: &Vector3<f64>, eye: &Vector3<f64>, light: f64)
     colour.map(|channel| channel * bright + gloss)
 }
 
-/// The ground at a place of the picture: squares and shadows, fading away from its middle.
+/// Returns the colour of the ground at a point of the picture: squares and shadows, which fade away from the
+/// middle of the ground.
 fn ground(floor: &Floor, camera: &Camera, at: [f64; 2], shadows: &Shadows) -> [f64; 3] {
     let origin = camera.point(at[0], at[1]);
     let point = origin + camera.eye * ((floor.height - origin.z) / camera.eye.z);
@@ -183,7 +185,8 @@ fn ground(floor: &Floor, camera: &Camera, at: [f64; 2], shadows: &Shadows) -> [f
     mixed
 }
 
-/// The distance of the nearest surface to the light, over the plane across it.
+/// Map of shadows: the distance of the nearest surface to the light, over the plane perpendicular to the
+/// light.
 struct Shadows {
     right: Vector3<f64>,
     up: Vector3<f64>,
@@ -221,7 +224,8 @@ impl Shadows {
         Self { right, up, to_light, corner, scale, nearest }
     }
 
-    /// Part of the light that arrives at a point of a surface, 0 to 1: the mean over nine neighbours.
+    /// Returns the part of the light that arrives at a point of a surface, 0 to 1: the mean over nine
+    /// neighbours.
     fn light(&self, point: &Point3<f64>, normal: &Vector3<f64>) -> f64 {
         // Off the surface by two dots, or it would shade itself.
         let point = point + normal * (2.5 / self.scale);

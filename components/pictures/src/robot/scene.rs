@@ -73,7 +73,7 @@ impl Scene {
         Self { solids }
     }
 
-    /// Points that enclose the scene.
+    /// Returns points that enclose the scene.
     pub(super) fn points(&self) -> impl Iterator<Item = Point3<f64>> {
         self.solids.iter().flat_map(|solid| solid.faces().into_iter().flat_map(|face| face.points))
     }
@@ -140,7 +140,7 @@ impl Painter<'_> {
     }
 }
 
-/// A capsule between two points, if they are apart.
+/// Returns a capsule between two points, if they are apart.
 fn stick(from: &Point3<f64>, to: &Point3<f64>, thick: f64) -> Option<Solid> {
     let way = to - from;
     let length = way.norm();

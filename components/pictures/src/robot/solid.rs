@@ -65,7 +65,7 @@ pub enum Detail {
 }
 
 impl Form {
-    /// Of a shape; `None` for a mesh that cannot be read or has a flat hull.
+    /// Creates the form of a shape. Returns `None` for a mesh that cannot be read or has a flat hull.
     pub(super) fn from_geometry(geometry: &Geometry, detail: Detail) -> Option<Self> {
         let Geometry::Mesh { path, inline, scale, .. } = geometry else {
             return Some(Self::Primitive(geometry.clone()));
@@ -92,7 +92,7 @@ pub(super) struct Face {
 }
 
 impl Solid {
-    /// Returns the surface.
+    /// Returns the surface of the body as faces.
     pub(super) fn faces(&self) -> Vec<Face> {
         let outlines = self.outlines(ROUND);
         let face = |points: Vec<Point3<f64>>| {
@@ -103,7 +103,7 @@ impl Solid {
         outlines.into_iter().filter_map(face).collect()
     }
 
-    /// Its surface in its own frame, as outlines.
+    /// Returns the surface of the body in its own frame, as outlines.
     fn outlines(&self, round: usize) -> Vec<Vec<Point3<f64>>> {
         match &self.form {
             Form::Primitive(geometry) => primitive(geometry, round),
@@ -112,7 +112,7 @@ impl Solid {
         }
     }
 
-    /// Its surface in its own frame, as triangles that share corners.
+    /// Returns the surface of the body in its own frame, as triangles that share corners.
     pub(super) fn skin(&self) -> Arc<Skin> {
         if let Form::Mesh(skin) = &self.form {
             return skin.clone();
@@ -133,7 +133,8 @@ impl Solid {
         Arc::new(Skin::new(mesh))
     }
 
-    /// Length of the longest side of the box around its corners, in its own frame \[m\].
+    /// Returns the length of the longest side of the box around the body's corners, in the body's frame
+    /// \[m\].
     pub(super) fn extent(&self) -> f64 {
         let (mut low, mut high) = (Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY));
         for point in self.outlines(ROUND).iter().flatten() {
@@ -142,12 +143,12 @@ impl Solid {
         (high - low).max()
     }
 
-    /// Its corners in the world.
+    /// Returns the corners of the body in the world.
     pub(super) fn corners(&self) -> Vec<Point3<f64>> {
         self.outlines(ROUND).iter().flatten().map(|point| self.pose * point).collect()
     }
 
-    /// True if a point of the world lies inside, by a margin.
+    /// Returns `true` if the body contains a point of the world, by a margin.
     pub(super) fn contains(&self, point: &Point3<f64>) -> bool {
         let p = self.pose.inverse_transform_point(point);
         let margin = 1e-6;
@@ -189,7 +190,7 @@ fn primitive(geometry: &Geometry, round: usize) -> Vec<Vec<Point3<f64>>> {
     }
 }
 
-/// Triangles of a hull, counterclockwise seen from outside.
+/// Returns the triangles of a hull, counterclockwise seen from outside.
 fn triangles(hull: &TriangleMesh) -> impl Iterator<Item = [Point3<f64>; 3]> {
     let corner = |index: u32| Point3::from(hull.points[index as usize]);
     hull.triangles.iter().map(move |triangle| triangle.map(corner))
@@ -231,7 +232,7 @@ fn coarser(mesh: &TriangleMesh) -> TriangleMesh {
     TriangleMesh { points: sums.iter().zip(&counts).map(|(sum, count)| sum / *count).collect(), triangles }
 }
 
-/// Newell's normal; `None` without area.
+/// Returns the normal of a polygon by Newell's method; `None` for a polygon without area.
 fn normal(points: &[Point3<f64>]) -> Option<Vector3<f64>> {
     let mut sum = Vector3::zeros();
     for (here, next) in points.iter().zip(points.iter().cycle().skip(1)) {
@@ -274,7 +275,8 @@ fn block(h: Vector3<f64>) -> Vec<Vec<Point3<f64>>> {
     faces
 }
 
-/// Radius and height of the rings of a sphere, or of a capsule this long without its caps.
+/// Returns the radius and height of the rings of a capsule. `length` is the length of the capsule without its
+/// caps; 0 for a sphere.
 fn rings(radius: f64, length: f64, round: usize) -> Vec<(f64, f64)> {
     let half = round / 4;
     let ring = |step: usize| {
@@ -289,7 +291,7 @@ fn rings(radius: f64, length: f64, round: usize) -> Vec<(f64, f64)> {
     rings
 }
 
-/// A body of rings (radius, height) from bottom to top, closed at both ends.
+/// Returns a body of rings (radius, height) from bottom to top, closed at both ends.
 fn tower(rings: &[(f64, f64)], round: usize) -> Vec<Vec<Point3<f64>>> {
     let point = |(radius, height): (f64, f64), step: usize| {
         let angle = TAU * step as f64 / round as f64;

@@ -14,7 +14,7 @@ use crate::text::escape;
 /// Direction of the light.
 const LIGHT: Vector3<f64> = Vector3::new(0.3, -0.45, 0.84);
 
-/// An SVG document.
+/// Returns the picture as an SVG document.
 pub(super) fn svg(name: &str, scene: &Scene, marks: &Marks, camera: &Camera, ground: bool) -> String {
     let (width, height) = (camera.width, camera.height);
     let mut text = String::new();
@@ -86,7 +86,7 @@ fn ground(scene: &Scene, camera: &Camera, text: &mut String) {
     text.push_str("</g>\n");
 }
 
-/// Convex hull of points in the plane z = 0 (Andrew's monotone chain).
+/// Returns the convex hull of points in the plane z = 0 (Andrew's monotone chain).
 fn hull(mut points: Vec<Point3<f64>>) -> Vec<Point3<f64>> {
     points.sort_by(|a, b| (a.x, a.y).partial_cmp(&(b.x, b.y)).unwrap_or(std::cmp::Ordering::Equal));
     let turn = |a: &Point3<f64>, b: &Point3<f64>, c: &Point3<f64>| (b - a).xy().perp(&(c - a).xy());

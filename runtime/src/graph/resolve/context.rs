@@ -16,11 +16,12 @@ pub(in crate::graph) struct Context<'c> {
     pub(super) sources: &'c Sources,
     /// Kinds of components, and robots.
     pub(super) registry: &'c Registry,
-    /// The machine it will run on.
+    /// The machine on which the graph will run.
     pub(super) machine: &'c Machine,
     /// Other programs that host kinds and were queried.
     siblings: Siblings,
-    /// Gravity of the world file, in TOML notation, once read; `None` if unavailable.
+    /// Gravity of the world file, in TOML notation; empty until the file is read, `None` if the gravity is
+    /// unavailable.
     pub(super) gravity: OnceCell<Option<[String; 3]>>,
 }
 

@@ -135,7 +135,7 @@ fn subscribed(table: &ComponentTable<'_>) -> Vec<String> {
     wired.iter().map(|(port, _)| port.clone()).collect()
 }
 
-/// Warns about a world that no component reads.
+/// Warns if no component reads the `[world]` of the graph.
 fn unread_world(
     graph: &GraphTable<'_>,
     drafts: &[Draft<'_, '_>],

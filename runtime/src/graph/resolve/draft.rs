@@ -10,30 +10,30 @@ use crate::plan::Program;
 
 /// A partially resolved component.
 pub(super) struct Draft<'g, 'i> {
-    /// Its name.
+    /// Name of the component.
     pub(super) name: &'g str,
-    /// Position of its name.
+    /// Position of the component's name in the file.
     pub(super) place: Span,
-    /// Its table in the file.
+    /// Table of the component in the file.
     pub(super) table: &'g ComponentTable<'i>,
-    /// The robot it works on.
+    /// Robot on which the component works, from `robot`.
     pub(super) robot: Option<RobotReference>,
-    /// The robots it works on, from `robots`.
+    /// Robots on which the component works, from `robots`.
     pub(super) robots: Vec<RobotReference>,
-    /// Its period, clock and folder.
+    /// Placement of the component in the graph: period, clock and folder.
     pub(super) placement: Placement,
-    /// Its program.
+    /// Program that runs the component.
     pub(super) program: Option<Program>,
-    /// Its `config` table.
+    /// The `config` table of the component.
     pub(super) config: serde_json::Value,
-    /// Its declaration; `None` if the query failed, which has been reported.
+    /// Declaration of the component; `None` if the query failed, which has been reported.
     pub(super) declaration: Option<Declaration>,
-    /// Wall time of its declaration, ns.
+    /// Wall time of the component's declaration, ns.
     pub(super) declare_ns: u64,
 }
 
 impl Draft<'_, '_> {
-    /// Returns its kind or its program, for messages.
+    /// Returns the kind or the program of the component, for messages.
     pub(super) fn what(&self) -> String {
         match &self.program {
             Some(Program::Builtin { kind } | Program::Sibling { kind, .. }) => format!("`{kind}`"),
@@ -42,19 +42,19 @@ impl Draft<'_, '_> {
         }
     }
 
-    /// Returns its scheduling class: from the file, or else as declared.
+    /// Returns the scheduling class of the component: from the file, or else as declared.
     pub(super) fn schedule(&self) -> Schedule {
         let declared = self.declaration.as_ref().is_some_and(|declared| declared.not_real_time.is_some());
         let default = if declared { Schedule::Normal } else { defaults::SCHEDULE };
         good_or(&self.table.schedule, default)
     }
 
-    /// Returns its declared ports of one direction, in order of declaration.
+    /// Returns the component's declared ports of one direction, in order of declaration.
     pub(super) fn ports(&self, direction: Direction) -> impl Iterator<Item = &PortDeclaration> {
         self.declaration.iter().flat_map(|d| &d.ports).filter(move |port| port.direction == direction)
     }
 
-    /// Returns `true` if it declares that it is an actuator.
+    /// Returns `true` if the component declares that it is an actuator.
     pub(super) fn is_actuator(&self) -> bool {
         self.declaration.as_ref().is_some_and(|declaration| declaration.actuator)
     }

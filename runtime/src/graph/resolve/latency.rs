@@ -18,11 +18,12 @@ use crate::nearest::{list, suggest};
 use crate::plan::{Activation, LatencyPlan, OnMiss};
 use crate::units::TimeSpan;
 
-/// Budgets and causes.
+/// Plans of the latency budgets, and causes of the components.
 #[derive(Debug)]
 pub(super) struct Latencies {
     pub plans: Vec<LatencyPlan>,
-    /// Per component: index of the input whose source time its outputs propagate.
+    /// For each component, the index of the input from which its outputs inherit their source time; `None` if
+    /// there is no such input.
     pub causes: Vec<Option<usize>>,
 }
 

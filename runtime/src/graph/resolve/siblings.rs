@@ -18,9 +18,9 @@ use crate::worker::{Kind, KindAnswer, Registry, Sibling};
 /// The program that hosts a kind.
 #[derive(Debug, Clone)]
 pub(super) enum Home<'c> {
-    /// This program.
+    /// A kind of this program.
     Here(&'c Kind),
-    /// Another program, with the index of the kind.
+    /// A kind of another program, with the index of the kind in that program.
     Sibling(Rc<Program>, usize),
 }
 
@@ -49,7 +49,7 @@ pub(super) enum Homeless {
 pub(super) struct Siblings(RefCell<BTreeMap<&'static str, Result<Rc<Program>, Homeless>>>);
 
 impl Home<'_> {
-    /// Returns `true` if its configuration has a key `world`.
+    /// Returns `true` if the configuration of the kind has a key `world`.
     pub(super) fn reads_world(&self) -> bool {
         match self {
             Self::Here(kind) => kind.reads_world,
@@ -57,8 +57,8 @@ impl Home<'_> {
         }
     }
 
-    /// Returns `true` if its configuration has a key `gravity`, which defaults to the gravity of the graph's
-    /// world.
+    /// Returns `true` if the configuration of the kind has a key `gravity`, which defaults to the gravity of
+    /// the graph's world.
     pub(super) fn reads_gravity(&self) -> bool {
         match self {
             Self::Here(kind) => kind.reads_gravity,

@@ -21,7 +21,7 @@ pub(super) struct Timing {
     /// For each component, the component at the head of its trigger chain, which the clock or events release.
     /// A head refers to itself.
     pub head: Vec<Option<usize>>,
-    /// For each component, the component whose output triggers it.
+    /// For each component, the component whose output triggers it; `None` if no output does.
     pub triggered_by: Vec<Option<usize>>,
 }
 

@@ -41,7 +41,8 @@ pub(super) struct Wiring {
     pub topics: Vec<String>,
     /// All wires, per component, in file order.
     pub wires: Vec<Wire>,
-    /// True if outputs were rejected, in which case a topic may only seem to have no writer.
+    /// True if the wiring is incomplete because outputs were rejected. A topic may then have a writer
+    /// although none is found.
     pub incomplete: bool,
 }
 

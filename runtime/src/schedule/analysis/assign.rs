@@ -36,10 +36,10 @@ pub struct ChainLoad {
 /// Returns a core for each chain, in the order of `chains`. A chain is never split, because a hand-over on
 /// one core is several times cheaper than waking another core.
 ///
-/// After the chains whose core is given, the remaining chains are assigned to the least loaded of the
-/// real-time cores, the largest chain first (worst fit, decreasing). Among equally loaded cores, the one with
-/// fewer chains is chosen, then the one listed first. The result is in the order of `chains`; `realtime` must
-/// not be empty.
+/// Chains with a given core are placed first. The remaining chains are then placed on the real-time cores:
+/// the chain with the largest load first, each on the least loaded core (worst fit, decreasing). Among
+/// equally loaded cores, the core with fewer chains is chosen, then the core listed first in `realtime`.
+/// `realtime` must not be empty.
 pub fn cores(chains: &[ChainLoad], realtime: &[usize]) -> Vec<usize> {
     let mut loads: Vec<(f64, usize)> = realtime
         .iter()

@@ -30,7 +30,7 @@ pub(in crate::schedule) enum LatencyTerm {
     AfterPublication { ns: u64 },
     /// A wake-up on another core.
     ToCore { ns: u64, core: usize },
-    /// The stages of a task from `first` on.
+    /// The stages of the task at `place`, from stage `first` to the stage of `place`.
     Stages { place: Place, first: usize, sum: Sum },
     /// From the release of `writer` until the time-triggered `reader` reads its data.
     Wait { ns: u64, writer: usize, reader: usize },

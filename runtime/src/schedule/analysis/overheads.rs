@@ -8,8 +8,8 @@ const MICROSECOND: u64 = 1_000;
 /// Time that the machine and the runtime use in addition to the components.
 ///
 /// The defaults cover 99 of 100 cases on virtual machines with two cores (Linux 6.18) under load. `motorium
-/// calibrate` measures the values of a machine, which replace them. Core times are counted by
-/// `CLOCK_THREAD_CPUTIME_ID`, in addition to the step itself.
+/// calibrate` measures a machine; the measured values replace the defaults. Core times are measured by
+/// `CLOCK_THREAD_CPUTIME_ID` and do not include the step itself.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Overheads {
     /// Maximum delay of the wake-up of a sleeping component, ns; 150 us by default. It uses no core time. The

@@ -21,7 +21,8 @@ use crate::plan::{Activation, ComponentPlan, OnOverrun, Plan, SchedulingClass, S
 pub struct StaticPlan {
     /// Tasks, each after the task that triggers it.
     pub tasks: Vec<Task>,
-    /// Position of each component of the plan; `None` if it is not real-time, or may run on several cores.
+    /// For each component of the plan, its place among the tasks; `None` for a component that is not
+    /// real-time or may run on several cores.
     pub places: Vec<Option<Place>>,
     /// Components under `SCHED_DEADLINE`, which run ahead of all tasks on any core.
     pub reservations: Vec<Reservation>,
@@ -51,7 +52,7 @@ impl Reservation {
     }
 }
 
-/// Position of a component in a static plan.
+/// Place of a component in a static plan: its task, and its stage in the task.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub struct Place {
     /// Index of the component's task.
@@ -127,14 +128,15 @@ pub struct Step {
 }
 
 impl Step {
-    /// Returns the core time of the step, ns: budget plus overhead, or only the overhead without a budget.
+    /// Returns the cost of the step, ns of core time: budget plus overhead. If the step has no budget,
+    /// returns the overhead alone.
     pub fn cost_ns(&self) -> u64 {
         self.budget_ns.unwrap_or(0) + self.overhead_ns
     }
 }
 
 impl Stage {
-    /// Returns the core time of all steps of the stage, ns.
+    /// Returns the cost of the stage, ns: the core time of all its steps.
     pub fn cost_ns(&self) -> u64 {
         self.steps.iter().map(Step::cost_ns).sum()
     }
@@ -156,7 +158,7 @@ impl Task {
         }
     }
 
-    /// Returns the core time of one release, ns: spinning and all stages.
+    /// Returns the cost of one release of the task, ns: the core time for spinning and for all stages.
     pub fn cost_ns(&self) -> u64 {
         self.spin_ns() + self.stages.iter().map(Stage::cost_ns).sum::<u64>()
     }
@@ -166,7 +168,7 @@ impl Task {
         self.stages.iter().map(Stage::waits_ns).sum()
     }
 
-    /// Returns all steps of the task.
+    /// Returns the steps of all stages of the task.
     pub fn steps(&self) -> impl Iterator<Item = &Step> {
         self.stages.iter().flat_map(|stage| &stage.steps)
     }
@@ -279,7 +281,7 @@ impl StaticPlan {
         self.reservations.iter().enumerate().find(|(_, reservation)| reservation.step.component == component)
     }
 
-    /// Returns `true` if the analysis includes a component.
+    /// Returns `true` if the plan knows the component: the component has a task or a reservation.
     pub fn knows(&self, component: usize) -> bool {
         self.places[component].is_some() || self.reservation(component).is_some()
     }

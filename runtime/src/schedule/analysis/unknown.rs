@@ -12,7 +12,7 @@ pub(in crate::schedule) struct Unknown {
     pub released_by_others: Vec<usize>,
     /// Real-time components that may run on several cores.
     pub without_core: Vec<usize>,
-    /// For each task of the static plan, `true` if its bounds depend on an unknown time.
+    /// For each task of the static plan, `true` if the bounds of the task rest (depend) on an unknown time.
     pub rests: Vec<bool>,
 }
 

@@ -71,8 +71,8 @@ pub(in crate::schedule) struct Bound {
 pub(in crate::schedule) struct Sum {
     /// Value of the bound, ns.
     pub total: i64,
-    /// By task of the core: number of jobs that run in the window before the stage ends, excluding the job
-    /// itself.
+    /// For each task of the core, the number of its jobs that run in the window before the stage ends. The
+    /// job of the stage is not counted.
     pub jobs: Vec<i64>,
     /// Time from the opening of the window to the start of the measurement; negative if the measurement
     /// starts first.
@@ -120,7 +120,7 @@ impl Demand {
         self.cost() + self.waits.iter().sum::<i64>()
     }
 
-    /// Returns `true` if it waits without the core.
+    /// Returns `true` if the task suspends itself, that is, waits without using the core.
     pub(in crate::schedule) fn suspends(&self) -> bool {
         self.waits.iter().any(|wait| *wait > 0)
     }

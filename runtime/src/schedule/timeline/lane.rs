@@ -27,6 +27,6 @@ pub struct Segment {
     pub start_ns: u64,
     /// End of the interval, ns from the start of the timeline.
     pub end_ns: u64,
-    /// Purpose of the time.
+    /// Activity for which the component uses the core.
     pub activity: Activity,
 }

@@ -29,7 +29,7 @@ pub enum DecodeError {
         /// Type of the field in the layout.
         kind: String,
     },
-    /// A field of the layout exceeds the sample.
+    /// A field of the layout is outside the sample.
     #[error("field `{field}` of `{type_name}` ends at byte {end}, expected at most {size} (the sample size)")]
     Outside {
         /// Name of the layout's type.

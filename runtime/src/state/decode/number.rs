@@ -54,13 +54,13 @@ scalars!(
 /// A number of a sample, widened to the largest type of its kind.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Number {
-    /// From an `f64`.
+    /// A number stored as an `f64`.
     Double(f64),
-    /// From an `f32`.
+    /// A number stored as an `f32`.
     Single(f32),
-    /// From an unsigned integer.
+    /// A number stored as an unsigned integer of any size.
     Natural(u64),
-    /// From a signed integer.
+    /// A number stored as a signed integer of any size.
     Integer(i64),
 }
 

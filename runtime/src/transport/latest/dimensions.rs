@@ -84,9 +84,9 @@ impl Dimensions {
 }
 
 impl TopicPlan {
-    /// Returns the number of value slots of the topic. A state has one slot per reader and per tap (four),
-    /// two for the writer, and one per value of its history. A stream has the capacity of all queues and
-    /// readers.
+    /// Returns the number of value slots of the topic. A state has one slot for each reader, four for taps,
+    /// two for the writer, and one for each value of its history. A stream has enough slots to fill the
+    /// queues of all readers and taps.
     pub fn slots(&self) -> usize {
         match self.pattern {
             TopicPattern::State => Dimensions::from_topic(self).slots,

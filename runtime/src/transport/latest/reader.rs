@@ -62,7 +62,7 @@ impl StateReader {
         self.pinned = Newest::default();
     }
 
-    /// Pins the newest value. Returns `true` if it is not the value that was already pinned.
+    /// Pins the newest value. Returns `true` for a new value, `false` if the value was already pinned.
     #[inline(never)]
     pub(crate) fn look(&mut self) -> bool {
         let memory = &*self.memory;

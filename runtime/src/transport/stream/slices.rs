@@ -204,7 +204,7 @@ impl<T: StateBuffer> SliceLoan<'_, T> {
         written
     }
 
-    /// Publishes the slice and wakes the components that it triggers.
+    /// Publishes the slice and wakes the components that the topic triggers.
     ///
     /// # Errors
     /// [`StepError::InvalidOutput`] if a number of the slice is not finite. Nothing is published then.

@@ -162,7 +162,7 @@ fn middle(ratios: &[f64]) -> f64 {
 mod tests {
     use super::*;
 
-    /// Verdict on the results of rounds in sequence.
+    /// Returns the verdict on the results of rounds in sequence.
     fn measured(at_most: f64, rounds: &[f64]) -> MeasuredBound {
         let mut rounds = rounds.iter().copied();
         measure_bound(at_most, || rounds.next().ok_or("no more rounds than needed")).unwrap()

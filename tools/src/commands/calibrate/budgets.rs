@@ -33,7 +33,7 @@ pub(super) struct Proposal {
     pub(super) given_ns: Option<u64>,
     /// Proposed budget, ns.
     pub(super) budget_ns: u64,
-    /// Its fraction of a core at the rate of the component.
+    /// Fraction of a core that the proposed budget uses at the rate of the component.
     pub(super) share: f64,
 }
 

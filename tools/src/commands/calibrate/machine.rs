@@ -21,7 +21,7 @@ const BYTES: usize = 512;
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Floor {
     wake_ns: u64,
-    /// p50 and p99.
+    /// Duration of a hand-over on one core: p50 and p99.
     hop_same_core_ns: [u64; 2],
     hop_cross_core_ns: u64,
 }

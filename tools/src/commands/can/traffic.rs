@@ -41,10 +41,10 @@ pub(super) struct BusRow {
     pub(super) frames: u64,
     /// Frames a second since the last table.
     pub(super) rate_hz: f64,
-    /// Fraction of the time in which the bus carried bits; `None` if its bitrate is unknown.
+    /// Fraction of the time in which the bus carried bits; `None` if the bitrate of the bus is unknown.
     pub(super) load: Option<f64>,
     pub(super) errors: u64,
-    /// Latest report of its controller.
+    /// Latest report of the bus's controller.
     pub(super) error: Option<String>,
     /// Errors counted as sender and as receiver.
     pub(super) counters: Option<[u8; 2]>,
@@ -59,7 +59,7 @@ pub(super) struct IdRow {
     pub(super) rate_hz: f64,
     /// Age of the latest frame, ms.
     pub(super) age_ms: f64,
-    /// Its data in hexadecimal.
+    /// Data of the latest frame in hexadecimal.
     pub(super) data: String,
     /// Name of the message in the database, if it has one.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -76,7 +76,7 @@ pub(super) struct IdRow {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(super) struct SignalRow {
     pub(super) name: String,
-    /// `null` in JSON if it is not finite.
+    /// Value of the signal; `null` in JSON if the value is not finite.
     pub(super) value: f64,
     pub(super) unit: String,
     /// The name of the value, if the database has one.

@@ -65,7 +65,7 @@ struct RangeOutput {
 #[derive(Debug, Serialize)]
 struct Term {
     term: String,
-    /// Message that contains it; null if the policy computes it.
+    /// Message that contains the quantity; null if the policy computes the quantity.
     message: Option<&'static str>,
     first: usize,
     width: usize,

@@ -83,7 +83,7 @@ pub(super) enum NameError {
     Begin { name: String, first: char, better: String },
     #[error("`{name}` has the character `{found}`; lower-case letters, digits, `-` and `_` are allowed{}", also(.better))]
     Character { name: String, found: char, better: String },
-    #[error("`{name}` cannot name a crate because it has another meaning; try `my-{name}`")]
+    #[error("`{name}` cannot be used as a crate name because it is reserved; try `my-{name}`")]
     Taken { name: String },
 }
 
@@ -160,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn names_with_another_meaning_are_refused() {
+    fn reserved_names_are_refused() {
         for name in TAKEN {
             assert_eq!(check(name), Err(NameError::Taken { name: name.into() }));
         }

@@ -6,7 +6,7 @@ use anyhow::Context as _;
 use motorium_pictures::chart::{self, Panel};
 use motorium_primitives::rollout::Trajectory;
 
-/// A panel of one dimension of movements, with two standard deviations if known.
+/// Returns a panel of one dimension of movements, with two standard deviations if known.
 pub(super) fn dimension(name: &str, trajectories: &[Trajectory], dimension: usize) -> Panel {
     let mut panel = Panel::new(name);
     for trajectory in trajectories {

@@ -92,7 +92,7 @@ impl Drop for Temporary {
 pub(super) struct Overlay(Temporary);
 
 impl Overlay {
-    /// Writes the file.
+    /// Writes an overlay that records into the file `output`.
     pub(super) fn recording(output: &Path, last: Option<TimeSpan>, overwrite: bool) -> anyhow::Result<Self> {
         anyhow::ensure!(
             !output.is_dir(),

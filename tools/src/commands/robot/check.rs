@@ -46,8 +46,8 @@ impl Check {
         Ok(if refused { exit::invalid() } else { ExitCode::SUCCESS })
     }
 
-    /// Returns the defects of its visuals, which pictures and viewers omit, except those shared with its
-    /// other shapes.
+    /// Returns the defects of the robot's visuals, which pictures and viewers omit. Defects shared with the
+    /// robot's other shapes are left out.
     fn of_visuals(&self, robot: &Loaded) -> Vec<String> {
         match self.robot.load_with(MimicMode::Follow, ProfileChoice::Without, ShapeSource::Visual) {
             Ok(seen) => {
@@ -62,7 +62,7 @@ impl Check {
     }
 }
 
-/// Returns the defects of its file, and a warning for a robot without collision shapes.
+/// Returns the defects of the robot's file, and a warning for a robot without collision shapes.
 fn warnings(robot: &Loaded) -> Vec<String> {
     let defects = [&robot.warnings[..], &robot.mesh_warnings(ShapeSource::Collision)].concat();
     let mut warnings = ModelWarning::summarise(&defects);

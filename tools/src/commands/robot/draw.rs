@@ -119,7 +119,7 @@ impl Draw {
         Ok(ExitCode::SUCCESS)
     }
 
-    /// The picture as a PNG file.
+    /// Returns the shaded picture as a PNG file.
     fn shaded(&self, portrait: &Portrait) -> anyhow::Result<Vec<u8>> {
         let marked = self.names || self.com || self.frames.is_some_and(|frames| frames != Frames::None);
         anyhow::ensure!(

@@ -26,7 +26,7 @@ pub(super) fn mass(model: &Model) -> String {
     }
 }
 
-/// Effective limits: limits of a mimicked joint are narrowed by its followers.
+/// Returns the effective limits of a joint. The limits of a mimicked joint are narrowed by its followers.
 pub(super) fn limits(model: &Model, joint: &Joint) -> Limits {
     let Coordinate::Independent(index) = joint.coordinate else { return joint.limits };
     Limits {

@@ -7,7 +7,7 @@ use motorium::telemetry::Percentiles;
 use schemars::JsonSchema;
 use serde::Serialize;
 
-/// Version of this format; raised when a field changes its meaning or goes.
+/// Version of this format; incremented when the meaning of a field changes or a field is removed.
 pub(crate) const TOP_VERSION: u32 = 1;
 
 /// State and timing of a running graph.
@@ -19,21 +19,21 @@ pub(crate) struct Top {
     pub(crate) run: String,
     /// Name of the graph.
     pub(crate) graph: String,
-    /// The clock that drives it.
+    /// Clock of the run: real time or lockstep.
     pub(crate) clock: ClockKind,
     /// State of the graph.
     pub(crate) state: State,
-    /// Time since the start on the run's clock, s; 0 before it.
+    /// Time since the start of the run on the run's clock, s; 0 before the start.
     pub(crate) elapsed_s: f64,
-    /// Length of the interval in wall-clock time, s.
+    /// Wall-clock length of the interval that the `interval` fields cover, s.
     pub(crate) interval_s: f64,
-    /// Each component, in the order of the graph file.
+    /// State and timing of each component, in the order of the graph file.
     pub(crate) components: Vec<ComponentTop>,
-    /// Each latency budget, in the order of the graph file.
+    /// Measurements of each latency budget, in the order of the graph file.
     pub(crate) latencies: Vec<LatencyTop>,
-    /// Each topic and each of its readers.
+    /// Measurements of each edge: a topic and one of its readers.
     pub(crate) edges: Vec<EdgeTop>,
-    /// Each core of the machine.
+    /// Use of each core of the machine.
     pub(crate) cores: Vec<CoreTop>,
     /// The newest events of the run, at most five, oldest first.
     pub(crate) events: Vec<LoggedEvent>,
@@ -43,48 +43,48 @@ pub(crate) struct Top {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum State {
-    /// Its components are being configured and connected.
+    /// The components are being configured and connected.
     Starting,
-    /// Its components step.
+    /// The components step.
     Running,
-    /// Its actuators apply the safe state.
+    /// The actuators apply the safe state.
     SafeStop,
-    /// The run has been asked to end.
+    /// The run has received a request to end.
     Stopping,
 }
 
-/// One component.
+/// State and timing of one component.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub(crate) struct ComponentTop {
-    /// Its name in the graph.
+    /// Name of the component in the graph.
     pub(crate) name: String,
-    /// Phase of its life.
+    /// Phase of the component's life.
     pub(crate) phase: Phase,
     /// `true` for an actuator in its safe state.
     pub(crate) safe: bool,
-    /// The account of an actuator's command gate over the whole run; `null` for other components.
+    /// Statistics of an actuator's command gate over the whole run; `null` for other components.
     pub(crate) gate: Option<GateReport>,
-    /// Its process.
+    /// Process id of the component.
     pub(crate) pid: u32,
-    /// The core it is pinned to; `null` if it may run on several.
+    /// Core to which the component is pinned; `null` if it may run on several cores.
     pub(crate) core: Option<usize>,
-    /// Share of a core that its stepping thread used in the interval, spinning included; `null` if unknown.
+    /// Share of a core that the stepping thread used in the interval, including spinning; `null` if unknown.
     pub(crate) core_share: Option<f64>,
-    /// Share of a core that its steps used in the interval, without spinning.
+    /// Share of a core that the component's steps used in the interval, without spinning.
     pub(crate) step_share: f64,
-    /// Memory of its process in use, bytes; `null` if the process is gone.
+    /// Resident memory of the component's process, bytes; `null` if the process is gone.
     pub(crate) resident_bytes: Option<u64>,
-    /// The part of it in files and shared memory, bytes.
+    /// Part of the resident memory in files and shared memory, bytes; `null` if the process is gone.
     pub(crate) shared_bytes: Option<u64>,
-    /// Current length of spinning before a release, ns.
+    /// Current time of spinning before each release, ns.
     pub(crate) spin_ns: u64,
-    /// Stalls of the machine seen while it spun.
+    /// Stalls of the machine, measured while the component was spinning.
     pub(crate) stalls: Stalls,
-    /// Number of restarts.
+    /// Number of restarts of the component.
     pub(crate) restarts: u32,
-    /// Over the whole run.
+    /// Measurements over the whole run.
     pub(crate) run: ComponentSpan,
-    /// Over the interval.
+    /// Measurements over the interval.
     pub(crate) interval: ComponentSpan,
 }
 
@@ -95,92 +95,93 @@ pub(crate) struct ComponentSpan {
     pub(crate) steps: u64,
     /// Steps per second of the run's clock, from the first to the last step; 0 without steps.
     pub(crate) rate_hz: f64,
-    /// From release (or triggering publication) to the beginning of the step, ns.
+    /// Lateness: time from the release or the triggering publication to the start of the step, ns.
     pub(crate) lateness_ns: Percentiles,
-    /// From the beginning to the end of the step, in wall-clock time, ns.
+    /// Execution time, ns of wall-clock time: from the start to the end of the step.
     pub(crate) execution_ns: Percentiles,
     /// CPU time of each step, without spinning, ns.
     pub(crate) cpu_ns: Percentiles,
     /// Missed steps by cause, and their consequences.
     pub(crate) misses: Misses,
-    /// Releases by events that waited for `min_interval`.
+    /// Number of releases by events that were delayed by `min_interval`.
     pub(crate) deferred: u64,
-    /// Steps that returned an error and were tolerated.
+    /// Number of steps that returned an error and were tolerated.
     pub(crate) errors: u64,
-    /// Samples withheld or refused because of their content or their lateness.
+    /// Number of samples withheld because they were late, or refused because of their content.
     pub(crate) refused: u64,
-    /// Heap allocations in steps; `null` if its program does not count them.
+    /// Number of heap allocations in steps; `null` if the component's program does not count them.
     pub(crate) allocations: Option<u64>,
-    /// Heap allocations in steps by foreign code named in its docs; `null` likewise.
+    /// Number of heap allocations by documented third-party code in steps; `null` if the component's program
+    /// does not count them.
     pub(crate) allocations_apart: Option<u64>,
-    /// Page faults of its stepping thread.
+    /// Number of page faults of the stepping thread.
     pub(crate) page_faults: u64,
 }
 
-/// One latency budget.
+/// Measurements of one latency budget.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub(crate) struct LatencyTop {
-    /// Topic at the head of the chain.
+    /// Name of the topic at the head of the chain.
     pub(crate) from: String,
-    /// Topic at its end.
+    /// Name of the topic at the end of the chain.
     pub(crate) to: String,
-    /// The budget, ns.
+    /// Latency budget, ns.
     pub(crate) max_ns: u64,
-    /// Over the whole run.
+    /// Measurements over the whole run.
     pub(crate) run: LatencySpan,
-    /// Over the interval.
+    /// Measurements over the interval.
     pub(crate) interval: LatencySpan,
 }
 
 /// Latencies in a span of time.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub(crate) struct LatencySpan {
-    /// Number of measurements.
+    /// Number of measured latencies.
     pub(crate) count: u64,
-    /// Measurements above the budget.
+    /// Number of latencies above the budget.
     pub(crate) missed: u64,
-    /// Measured, ns.
+    /// Measured latencies, ns.
     pub(crate) latency_ns: Percentiles,
 }
 
-/// A topic and one of its readers.
+/// Measurements of one edge: a topic and one of its readers.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub(crate) struct EdgeTop {
-    /// The topic.
+    /// Name of the topic.
     pub(crate) topic: String,
-    /// The component that reads it.
+    /// Name of the component that reads the topic.
     pub(crate) reader: String,
-    /// Over the whole run.
+    /// Measurements over the whole run.
     pub(crate) run: EdgeSpan,
-    /// Over the interval.
+    /// Measurements over the interval.
     pub(crate) interval: EdgeSpan,
 }
 
 /// Samples read over an edge in a span of time.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub(crate) struct EdgeSpan {
-    /// Samples read.
+    /// Number of samples read.
     pub(crate) read: u64,
-    /// Age of each, since its publication, at the beginning of the step that first read it, ns.
+    /// Ages of samples since their publication, at the start of the step that first read them, ns.
     pub(crate) age_ns: Percentiles,
 }
 
-/// Use of a core of the machine in the interval, as shares of it; the kernel counts in steps of 10 ms.
+/// Use of one core of the machine, as shares of the interval. The kernel counts in steps of 10 ms.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub(crate) struct CoreTop {
-    /// Its number.
+    /// Index of the core.
     pub(crate) core: usize,
-    /// Programs.
+    /// Share of the interval spent in programs.
     pub(crate) user: f64,
-    /// The kernel, on behalf of programs.
+    /// Share spent in the kernel on behalf of programs.
     pub(crate) system: f64,
-    /// Interrupts.
+    /// Share spent in interrupts.
     pub(crate) interrupts: f64,
-    /// Nothing.
+    /// Share in which the core was idle.
     pub(crate) idle: f64,
-    /// Time stolen by the host of the virtual machine.
+    /// Share stolen by the host of the virtual machine.
     pub(crate) stolen: f64,
-    /// Components pinned to it.
+    /// Names of the components pinned to the core.
     pub(crate) components: Vec<String>,
 }
 

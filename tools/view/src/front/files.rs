@@ -5,7 +5,7 @@ use motorium::state::Digest;
 /// A file of the page.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) struct File {
-    /// Its path in the address.
+    /// Path of the file in the address.
     pub(super) path: &'static str,
     pub(super) content_type: &'static str,
     pub(super) content: &'static [u8],

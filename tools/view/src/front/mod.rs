@@ -60,7 +60,7 @@ impl Front {
         Ok(Self(listener))
     }
 
-    /// Its port.
+    /// Returns the number of the port.
     pub(crate) fn port(&self) -> u16 {
         self.0.local_addr().map_or(0, |address| address.port())
     }

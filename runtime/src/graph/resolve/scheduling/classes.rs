@@ -20,8 +20,8 @@ const DEADLINE_PERIODS_NS: std::ops::RangeInclusive<u64> = 100_000..=4_194_304_0
 const DEADLINE_ROOM_NS: u64 = 120_000;
 const _: () = assert!(DEADLINE_ROOM_NS >= Overheads::CAUTIOUS.worker_ns + Overheads::CAUTIOUS.timer_ns);
 
-/// Returns the component whose core and priority a component inherits: the real-time head of its trigger
-/// chain, or else itself.
+/// Returns the leader of a component: the component whose core and priority it inherits. This is the
+/// real-time head of its trigger chain, or else the component itself.
 pub(super) fn leader(component: usize, schedules: &[Schedule], timing: &Timing) -> usize {
     timing.head[component].filter(|head| schedules[*head] == Schedule::Fifo).unwrap_or(component)
 }

@@ -23,7 +23,8 @@ pub(super) struct Scheduling {
     pub plan: SchedulingPlan,
     /// Scheduling class of each component.
     pub classes: Vec<SchedulingClass>,
-    /// Priority of each component relative to the head of its trigger chain.
+    /// For each component, the amount by which its priority exceeds the priority of the head of its trigger
+    /// chain.
     pub rises: Vec<u8>,
     /// Core of each component; `None` if it may run on any of the shared cores.
     pub cores: Vec<Option<usize>>,

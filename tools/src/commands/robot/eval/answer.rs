@@ -87,7 +87,8 @@ impl Work<'_> {
         Value::Object(case)
     }
 
-    /// Centre of mass, momentum, energies, and integration on the configuration manifold.
+    /// Adds the centre of mass, momentum, energies, and the integration on the configuration manifold to
+    /// `case`.
     fn whole(&mut self, state: &State, case: &mut Map<String, Value>) {
         let model = self.model;
         let State { q, v, a, .. } = state;
@@ -119,7 +120,7 @@ impl Work<'_> {
         put("q_difference", self.tangent(&difference));
     }
 
-    /// Poses of all frames, and motions of the selected ones.
+    /// Returns the poses of all frames, and the motions of the selected ones.
     fn frames(&self) -> Value {
         let frames = self.model.frames().iter().map(|frame| {
             let id = self.model.frame(&frame.name).expect("a frame of the model is found by its name");

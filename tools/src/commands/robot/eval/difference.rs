@@ -52,7 +52,7 @@ fn note(key: &str, theirs: &Value, ours: Option<&Value>, found: &mut BTreeMap<St
     *entry = (entry.0 + 1, entry.1.max(worst));
 }
 
-/// All numbers of a value, in order.
+/// Appends all numbers of a value to `numbers`, in order.
 fn flatten(value: &Value, numbers: &mut Vec<f64>) {
     match value {
         Value::Array(entries) => entries.iter().for_each(|entry| flatten(entry, numbers)),

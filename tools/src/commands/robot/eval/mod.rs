@@ -175,7 +175,7 @@ impl Eval {
     }
 }
 
-/// Mimic joints are independent if the input lists or contains them as such.
+/// Returns the mode of mimic joints: independent if the input lists or contains them as such.
 fn mode(robot: &RobotArgs, document: &Value) -> anyhow::Result<MimicMode> {
     let Ok(independent) = robot.load(MimicMode::Independent) else { return Ok(MimicMode::Follow) };
     let Ok(follow) = robot.load(MimicMode::Follow) else { return Ok(MimicMode::Follow) };
