@@ -1,5 +1,5 @@
-//! Suspicious parts of a well-formed file: misspelt and misplaced names, which would be ignored, angles in degrees, and
-//! shapes without a size.
+//! Suspicious parts of a well-formed file: misspelt and misplaced names, which would be ignored, angles in
+//! degrees, and shapes without a size.
 
 use roxmltree::Node;
 
