@@ -29,7 +29,7 @@ fn foreign_files_are_plotted_and_reported() {
     let folder = tempfile::tempdir().expect("a folder");
     for file in all() {
         let (plot, page) = (folder.path().join("a.csv"), folder.path().join("a.html"));
-        printed(&["plot", &file, "/joint_states.position[0..7]", "--output", text(&plot)]);
+        printed(&["plot", &file, "/joint_states.position[0..7]", "--overwrite", "--output", text(&plot)]);
         let table = std::fs::read_to_string(&plot).expect("the numbers");
         let lines: Vec<&str> = table.lines().skip(1).collect();
         assert_eq!(lines.len(), 7 * 20, "{table}");

@@ -65,7 +65,12 @@ fn probable_degrees_of_goals_are_doubted() {
     };
     assert_eq!(doubts(std::f64::consts::PI), Vec::<String>::new());
     let rule = "angles are in radians: if these are degrees, write 3.1416";
-    assert_eq!(doubts(180.0), [format!("`goals[0].end_effector.rpy` has an angle of 180 rad; {rule}")]);
+    assert_eq!(
+        doubts(180.0),
+        [format!(
+            "`policy.config.goals[0].end_effector.rpy`: `goals[0].end_effector.rpy` has an angle of 180 rad; {rule}"
+        )]
+    );
 
     let config = "{ goals = [{ position = [90.0, 0.0, 0.0] }] }";
     let text = graph::<TrajectoryPolicy>(0.0, config).check().expect_err("it is refused").render(false);

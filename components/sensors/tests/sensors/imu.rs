@@ -113,7 +113,7 @@ fn probable_degrees_of_a_mount_are_doubted() {
     let rule = "angles are in radians: if these are degrees, write 1.5708";
     assert_eq!(
         doubts("mount = { rpy = [0.0, 90.0, 0.0] }"),
-        [format!("`mount.rpy` has an angle of 90 rad; {rule}")]
+        [format!("`imu.config.mount.rpy`: `mount.rpy` has an angle of 90 rad; {rule}")]
     );
 }
 
