@@ -19,8 +19,8 @@ impl JointSetpoint {
     /// The bounds follow from, in this order of importance:
     ///
     /// - the acceleration limit, and [`ACCELERATION_BAND`]
-    /// - the end of the range, at which the joint can still stop with [`STOPPING_SHARE`] of the limit, or with
-    ///   all of it to follow a moving position setpoint that stops there
+    /// - the end of the range, at which the joint can still stop with [`STOPPING_SHARE`] of the limit, or
+    ///   with all of it to follow a moving position setpoint that stops there
     /// - with [`arrival_velocity`](Self::arrival_velocity), the position setpoint, at which the joint can
     ///   still arrive with that velocity with [`STOPPING_SHARE`] of the limit
     ///

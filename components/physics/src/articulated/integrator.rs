@@ -22,10 +22,10 @@ use crate::{Integrator, JointSetpoint};
 /// q+ = q + h v+
 /// ```
 ///
-/// with the drive law `tau` of [`JointSetpoint`], without its acceleration limit, viscous damping `D`, Coulomb friction that can stick, and
-/// inelastic limit stops. A floating base moves along a straight line and turns about a fixed axis during the
-/// step. Its velocity is expressed in axes that do not rotate during the step, so rotation alone does not
-/// change it.
+/// with the drive law `tau` of [`JointSetpoint`], without its acceleration limit, viscous damping `D`,
+/// Coulomb friction that can stick, and inelastic limit stops. A floating base moves along a straight line
+/// and turns about a fixed axis during the step. Its velocity is expressed in axes that do not rotate during
+/// the step, so rotation alone does not change it.
 ///
 /// Each term is a monotone function of its own `v+_i` and `M` is positive definite. The problem is therefore
 /// strictly convex, and its solution exists and is unique for any gains. An active set finds the solution: a

@@ -253,8 +253,8 @@ fn random_commands_do_not_diverge_in_self_collisions() {
     assert!(touched > 10, "{touched} of 60 collide");
 }
 
-/// Runs sines that reach this share of the velocity and acceleration limits in all joints. Returns the largest
-/// lag in the last 4 s \[rad\], and the number of limited accelerations.
+/// Runs sines that reach this share of the velocity and acceleration limits in all joints. Returns the
+/// largest lag in the last 4 s \[rad\], and the number of limited accelerations.
 fn lag(share: f64, feed_forward: FeedForward, bounded: bool) -> (f64, u64) {
     let limits = limits();
     let mut centre = panda::home();
