@@ -23,7 +23,7 @@ pub enum StepError {
         /// Name of the joint.
         name: String,
         /// Rejected command.
-        command: JointSetpoint,
+        command: Box<JointSetpoint>,
     },
     /// The step length is not a positive number.
     #[error("the step length is {0} s, expected a positive number such as 0.001")]
@@ -92,7 +92,7 @@ impl StepError {
             None => Ok(()),
             Some(joint) => {
                 let (name, command) = (names[joint].clone(), commands[joint]);
-                Err(Self::InvalidCommand { joint, name, command })
+                Err(Self::InvalidCommand { joint, name, command: Box::new(command) })
             }
         }
     }
