@@ -251,6 +251,7 @@ fn roll_out(
             last_action: &zeros,
             heights: &[],
             points: &[],
+            images: &[],
             time: acted as f64 * period,
         });
         observer.write(&mut observation);

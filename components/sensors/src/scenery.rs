@@ -28,7 +28,7 @@ struct Link {
 
 impl Scenery {
     /// Creates the scene of a world whose file paths are [located](World::locate), with the
-    /// [solids](solids) of its robot if they are visible. Objects have their initial poses; links are placed
+    /// [`solids`] of its robot if they are visible. Objects have their initial poses; links are placed
     /// by [`place_links`](Self::place_links).
     pub fn new(model: &Model, solids: Option<&CollisionModel>, world: &World) -> Self {
         let mut scene = RayScene::default();

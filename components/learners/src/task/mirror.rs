@@ -222,6 +222,24 @@ mod tests {
     }
 
     #[test]
+    fn images_are_mirrored_by_column() {
+        let text = include_str!("../../../../tasks/cart-pole-camera.toml");
+        let task = Task::parse(&text.replace("width = 16\nheight = 12", "width = 3\nheight = 2"));
+        let task = task.expect("a task");
+        let policy = task.policy().expect("a policy");
+        let mirror = Mirror::new(&policy, &Symmetry::default()).expect("a mirror");
+        let mut image = [0.0; 14];
+        let numbers = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 11.0, 12.0, 13.0, 14.0];
+        mirror.observation(&numbers, &mut image);
+        assert_eq!(image, [3.0, 2.0, 1.0, 6.0, 5.0, 4.0, 9.0, 8.0, 7.0, 12.0, 11.0, 10.0, 13.0, 14.0]);
+        // this camera is beside the plane of symmetry
+        let refused = task.mirror(&policy, &Symmetry::default());
+        let is_named =
+            |error: &TaskError| matches!(error, TaskError::Value { key, .. } if key == "cameras.pole.mount");
+        assert!(refused.as_ref().is_err_and(is_named), "{refused:?}");
+    }
+
+    #[test]
     fn joints_without_a_mirror_image_are_refused() {
         let pair = |left: &str, right: &str| [left.to_owned(), right.to_owned()];
         let text = "front_left_hip_pitch";
