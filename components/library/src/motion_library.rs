@@ -116,7 +116,9 @@ pub enum BuildError {
     #[error("all forces are zero: nothing moves in these recordings")]
     Still,
     /// Some degrees of freedom are at rest in every recording.
-    #[error("{names}: at rest in all recordings, so there are no eigenforces; expected a part that moves")]
+    #[error(
+        "{names}: at rest in all recordings, so eigenforces cannot be computed; use recordings in which it moves"
+    )]
     Resting {
         /// Names of these degrees of freedom.
         names: String,

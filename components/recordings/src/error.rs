@@ -156,7 +156,9 @@ pub enum RecordingError {
         time: f64,
     },
     /// A value is NaN or infinite.
-    #[error("sample {sample}, channel `{name}` is {value}: cut the recording or fill the gap")]
+    #[error(
+        "channel `{name}` is {value} at sample {sample}, expected a finite number: cut the recording or fill the gap"
+    )]
     NotFinite {
         /// Index of the sample, counted from 1.
         sample: usize,

@@ -28,9 +28,9 @@ pub struct DescribeRequest {
     pub kind: Option<String>,
     /// The `config` table of the component.
     pub config: serde_json::Value,
-    /// Robot that the graph assigns to the component by `robot`.
+    /// Robot of the component's key `robot` in the graph.
     pub robot: Option<RobotReference>,
-    /// Robots that the graph assigns to the component by `robots`.
+    /// Robots of the component's key `robots` in the graph.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub robots: Vec<RobotReference>,
     /// Placement of the component in the graph.

@@ -38,7 +38,7 @@ impl RealBus {
     /// lines, and all other names are kernel interfaces.
     ///
     /// # Errors
-    /// Returns an error if the bus cannot be opened or has other bitrates.
+    /// Returns an error if the bus cannot be opened or if its bitrates differ.
     pub fn open(name: &str, rates: &Rates, is_fd: bool) -> Result<Self, OpenError> {
         let slcan = |path| SlcanBus::open(path, *rates, is_fd).map(|bus| Self::Serial(Box::new(bus)));
         if let Some(place) = Place::from_interface(name) {

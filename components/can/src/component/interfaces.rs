@@ -27,7 +27,7 @@ pub(super) fn are_real(table: &Table, clock: ClockKind) -> Result<bool, ConfigEr
 /// Opens the interfaces of a table, in the order of its buses.
 ///
 /// # Errors
-/// Returns an error if an interface is missing, is down, or has other bitrates.
+/// Returns an error if an interface is missing or down, or if its bitrates differ from the table.
 pub(super) fn open(table: &Table) -> Result<Vec<RealBus>, ConfigError> {
     let open = |(index, bus): (usize, &crate::BusEntry)| {
         let interface = bus.interface.as_deref().unwrap_or(&bus.name);

@@ -103,7 +103,7 @@ pub enum WrongSetting {
         expected: u8,
     },
     /// The limits of a servo's goals \[rad\] are narrower than the table's range of positions.
-    #[error("the goal limits are {:.3} and {:.3} rad, but the drive table has positions up to {expected} rad", .found[0], .found[1])]
+    #[error("the drive limits its goals to {:.3} to {:.3} rad, but the drive table has positions up to {expected} rad in both directions", .found[0], .found[1])]
     Goals {
         /// Limits in the servo.
         found: [f64; 2],

@@ -174,7 +174,7 @@ impl Table {
     /// Opens the interface of the bus with index `bus`.
     ///
     /// # Errors
-    /// Returns an error if the interface is missing, is down, or has other bitrates.
+    /// Returns an error if the interface is missing or down, or if its bitrates differ from the table.
     pub fn open(&self, bus: usize) -> Result<RealBus, OpenError> {
         let entry = &self.buses[bus];
         let interface = entry.interface.as_deref().unwrap_or(&entry.name);

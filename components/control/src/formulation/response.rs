@@ -72,8 +72,8 @@ impl Response {
         Self { gain, feedback, max_speeds, damping: 0.0 }
     }
 
-    /// Creates a response that tracks the velocity `nu` without a position error. The velocity is reached
-    /// immediately under velocity control, and at `rate` \[1/s\] under acceleration control.
+    /// Creates a response that tracks the velocity `nu` and ignores the position error. The velocity is
+    /// reached immediately under velocity control, and at `rate` \[1/s\] under acceleration control.
     pub fn velocity(rate: f64) -> Self {
         Self { gain: 0.0, feedback: Feedback { kp: 0.0, kd: rate }, ..Self::decay(0.0) }
     }

@@ -103,7 +103,8 @@ impl SearchSpace {
         Self { variance, functions }
     }
 
-    /// Returns the weights that approximate the movement under `forces`, by ridge regression of its path.
+    /// Simulates the movement of `spring` under `forces`. Returns the weights that reproduce its path best, by
+    /// ridge regression.
     pub fn weights_of(&self, forces: &[f64], spring: &SampledSpring) -> Vec<f64> {
         let forces = DMatrix::from_column_slice(forces.len(), 1, forces);
         fit(&self.functions, &forces, spring).as_slice().to_vec()

@@ -26,8 +26,9 @@ enum Point {
 /// Indices in [`Points`] of a point that a term measures, and of its reference point.
 pub(super) type Pair = (usize, Option<usize>);
 
-/// Points on and around a robot with a fixed base. Links are located by forward kinematics from the measured
-/// joints, so that an environment, `learner.task` and `policy.network` have equal values.
+/// Points on and around a robot with a fixed base. The positions of links are computed by forward kinematics
+/// from the measured joint positions, so that an environment, `learner.task` and `policy.network` compute
+/// identical points.
 ///
 /// Only [`new`](Self::new) allocates. [`locate`](Self::locate) sets all points except the target.
 #[derive(Clone, Debug)]

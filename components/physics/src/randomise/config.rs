@@ -35,11 +35,11 @@ pub struct RandomiseConfig {
     pub friction: Option<Interval>,
     /// Restitution of the robot's surface, from 0 to 1.
     pub restitution: Option<Interval>,
-    /// Scales the viscous damping of each joint, from 0 to 100.
+    /// Range of a factor on the viscous damping of each joint. Both bounds must be between 0 and 100.
     pub damping: Option<Interval>,
-    /// Scales the Coulomb friction of each joint, from 0 to 100.
+    /// Range of a factor on the Coulomb friction of each joint. Both bounds must be between 0 and 100.
     pub joint_friction: Option<Interval>,
-    /// Scales the effort limit of each joint, from 0 to 100.
+    /// Range of a factor on the effort limit of each joint. Both bounds must be between 0 and 100.
     pub effort_limit: Option<Interval>,
     /// Displacement of each joint's initial position, rad or m. The result stays within the joint's limits.
     pub start: Option<Interval>,

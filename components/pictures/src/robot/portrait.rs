@@ -49,7 +49,7 @@ impl Portrait {
     ///
     /// # Errors
     ///
-    /// The picture has more than 4 million dots.
+    /// [`SizeError`] for more than 4 million pixels.
     pub fn png(&self, ground: bool) -> Result<Vec<u8>, SizeError> {
         raster::check_size((self.camera.width, self.camera.height))?;
         let floor = floor_below(&self.scene).filter(|_| ground && self.camera.eye.z > 0.05);

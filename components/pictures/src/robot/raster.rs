@@ -23,7 +23,7 @@ const LINE: f64 = 0.9;
 ///
 /// # Errors
 ///
-/// More than 4 million dots.
+/// [`SizeError`] for more than 4 million pixels.
 pub(super) fn check_size((width, height): (f64, f64)) -> Result<(), SizeError> {
     match 1e-6 * width * height <= LARGEST {
         true => Ok(()),

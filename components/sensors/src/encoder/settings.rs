@@ -23,7 +23,7 @@ use crate::randomise::SensorRanges;
 pub struct JointErrors {
     /// Standard deviation of the noise of each reading, before rounding to the resolution. Default 0.
     pub noise: PerJoint,
-    /// Standard deviation of the bias at the start. For positions, this is the zero offset. Default 0.
+    /// Standard deviation of the initial bias. The bias of a position is its zero offset. Default 0.
     pub bias: PerJoint,
     /// Standard deviation of the change of the bias in one second. Default 0.
     pub bias_walk: PerJoint,

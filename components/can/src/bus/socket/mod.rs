@@ -89,7 +89,7 @@ impl SocketBus {
     /// reports them.
     ///
     /// # Errors
-    /// Returns an error if the interface cannot be opened or has other bitrates.
+    /// Returns an error if the interface cannot be opened or if its bitrates differ.
     pub fn open_with(name: &str, rates: &crate::Rates, is_fd: bool) -> Result<Self, OpenError> {
         let interface = look_up(name)?;
         if is_fd && !interface.is_fd {

@@ -81,7 +81,7 @@ pub struct ObservationDescriptor {
     pub mark: Mark,
     /// Full name of the term's function.
     pub function: String,
-    /// Number of values of one step.
+    /// Number of values per time step, without history.
     pub width: usize,
     /// Joint of each value, for terms with one value per joint.
     pub joints: Option<Vec<String>>,
