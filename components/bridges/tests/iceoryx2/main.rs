@@ -302,7 +302,7 @@ fn a_topic_of_slices_is_not_mirrored_as_a_state() {
     let mirror = Instance::of::<Iceoryx2Bridge>("bridge").rate("200 Hz");
     let mirror = mirror.subscribe("plan", "arm/plan").config("out", vec!["plan"]);
     let error = Graph::new("slices").with(planner).with(mirror).check().unwrap_err().render(false);
-    assert!(error.contains("carries slices"), "{error}");
+    assert!(error.contains("has slices at one port"), "{error}");
 }
 
 /// Foreign program of the next test. It sends as fast as possible until it is killed.
