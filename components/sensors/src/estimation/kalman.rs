@@ -30,12 +30,12 @@ pub struct SingularInnovation;
 ///     filter.predict(&f, &vector![0.0, 0.0], &q);
 ///     filter.update(&matrix![1.0, 0.0], &matrix![1e-4], &vector![0.01 * f64::from(k)])?;
 /// }
-/// State estimate `x`.
+/// assert!((filter.state[1] - 1.0).abs() < 1e-2, "1 m/s");
 /// # Ok::<(), motorium_sensors::estimation::SingularInnovation>(())
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct KalmanFilter<const N: usize> {
-    /// The estimate `x`.
+    /// State estimate `x`.
     pub state: SVector<f64, N>,
     /// Covariance `P` of the estimation error.
     pub covariance: SMatrix<f64, N, N>,
