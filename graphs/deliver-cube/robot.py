@@ -10,7 +10,7 @@ import xml.etree.ElementTree as tree
 here = pathlib.Path(__file__).parent
 catalogue = here.parents[1] / "robots" / "catalogue"
 
-# SI units. The wheels are in front, below the arm; the battery moves the centre of mass back towards the caster.
+# SI units. The wheels are in front, below the arm; the battery moves the centre of mass towards the caster.
 WHEEL_RADIUS, TRACK, WHEEL_MASS = 0.1, 0.52, 4.0
 SIZE, CENTRE, MASS = (0.66, 0.44, 0.26), (-0.18, 0.0, 0.1), 110.0
 CASTER_RADIUS, CASTER_X = 0.05, -0.42

@@ -238,7 +238,7 @@ fn existing_crate_is_never_overwritten() {
     let graph = folder.path().join("mine/graph.toml");
     std::fs::write(&graph, "precious").expect("written");
     let text = complaint(&["new", "mine", "--path", parent]);
-    assert!(text.contains("exists already"), "{text}");
+    assert!(text.contains("already exists"), "{text}");
     assert_eq!(std::fs::read_to_string(graph).expect("still there"), "precious");
     assert!(complaint(&["new", "My Arm", "--path", parent]).contains("try `my-arm`"));
 }

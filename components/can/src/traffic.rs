@@ -337,7 +337,7 @@ mod tests {
     #[test]
     fn a_missing_interface_is_reported_with_alternatives() {
         let error = Listener::open(["no-such-bus"]).err().unwrap();
-        assert!(error.to_string().contains("no CAN interface `no-such-bus`"), "{error}");
+        assert!(error.to_string().contains("the CAN interface `no-such-bus` does not exist"), "{error}");
         assert!(error.advice().contains("ip -details link show type can"));
         let error = Sender::open("vcan77").err().unwrap();
         assert!(error.advice().contains("sudo ip link add vcan77 type vcan"), "{}", error.advice());

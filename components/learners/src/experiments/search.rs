@@ -103,8 +103,8 @@ impl SearchSpace {
         Self { variance, functions }
     }
 
-    /// Simulates the movement of `spring` under `forces`. Returns the weights that reproduce its path best, by
-    /// ridge regression.
+    /// Simulates the movement of `spring` under `forces`. Returns the weights that reproduce its path best,
+    /// by ridge regression.
     pub fn weights_of(&self, forces: &[f64], spring: &SampledSpring) -> Vec<f64> {
         let forces = DMatrix::from_column_slice(forces.len(), 1, forces);
         fit(&self.functions, &forces, spring).as_slice().to_vec()

@@ -162,8 +162,8 @@ impl Coupling {
         movement
     }
 
-    /// Returns the mean pen speed of the training letters, in letter sizes per second. The size of a letter is
-    /// the longer side of its bounding box.
+    /// Returns the mean pen speed of the training letters, in letter sizes per second. The size of a letter
+    /// is the longer side of its bounding box.
     pub fn pen_speed(&self) -> f64 {
         self.pen_speed
     }

@@ -24,8 +24,8 @@ pub(in crate::graph) struct SafetyTable {
     #[schemars(extend("default" = defaults::SETTLE))]
     pub settle: Option<At<TimeSpan>>,
     /// Maximum age of the measurement from which a command was computed. Commands from older measurements are
-    /// never applied. Default: `stale_after` plus twice the sum of the periods of all components on the path from
-    /// the measurement to the command.
+    /// never applied. Default: `stale_after` plus twice the sum of the periods of all components on the path
+    /// from the measurement to the command.
     pub source_stale_after: Option<At<TimeSpan>>,
     /// Policy for a command that exceeds a limit of the robot's joints.
     #[schemars(extend("default" = defaults::LIMITS))]

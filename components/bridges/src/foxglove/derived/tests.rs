@@ -93,7 +93,7 @@ fn layout_with_a_non_numeric_field_is_rejected_by_name() {
     let mut layout = JointState::layout();
     layout.fields[2].kind = "[f128; 64]".to_string();
     let error = Derived::new(&layout).unwrap_err().to_string();
-    assert!(error.contains("`position` of `motorium.JointState` is [f128; 64]"), "{error}");
+    assert!(error.contains("`position` of `motorium.JointState` has type [f128; 64]"), "{error}");
     layout.fields[2].kind = "[f64; 99999999999]".to_string();
     assert!(Derived::new(&layout).is_err());
 }
