@@ -405,7 +405,7 @@ fn mistakes_in_cameras_are_named() {
             "width = 32",
             "`observations[0].camera`: found 32 x 12 pixels in 2 steps, expected at most 512",
         ),
-        ("width = 16", "width = 0", "`cameras.pole.width`: 0 x 12 pixels"),
+        ("width = 16", "width = 0", "`cameras.pole.width`: an image of 0 x 12 pixels"),
         ("most = 0.9", "most = 0.2", "`cameras.pole.least`: least = 0.3: expected a distance"),
         ("most = 0.9", "most = 0.9\nlatency = \"10 ms\"", "`cameras.pole.latency`: found"),
         ("most = 0.9", "most = 0.9\ndrop_out = 0.1", "`cameras.pole.drop_out`: found 0.1"),
