@@ -71,7 +71,7 @@ fn feet_and_mobile_bases_are_checked() {
     let car = with(&format!("{base}drive = \"ackermann\"\nsteering = [\"hinge\"]\ntrack = 0.3\n"));
     assert_eq!(car, "the mobile base is ackermann, which requires `wheelbase`");
     let differential = with(&format!("{base}drive = \"differential\"\n"));
-    assert!(differential.contains("needs `track`"), "{differential}");
+    assert!(differential.contains("requires `track`"), "{differential}");
     let model = load("pendulum", Path::new(".")).unwrap().model;
     let unknown = Profile::parse(&format!("{SMALL}[feet.left]\nframe = \"rot\"\n")).unwrap();
     let unknown = unknown.check(&model).unwrap_err().to_string();

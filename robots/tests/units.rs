@@ -180,9 +180,9 @@ fn unreadable_meshes_are_reported_with_their_reference() {
         within(texts(&robot.mesh_warnings(ShapeSource::Collision))),
         [
             "link \"a\": mesh \"cut.stl\" (r.urdf:3:22): cut.stl: ends after 184 bytes where its header states 434; expected \
-             a complete .stl, .obj or .dae file: export it again",
+             a complete .stl, .obj or .dae file; export it again",
             "link \"a\": mesh \"wrong.obj\" (r.urdf:4:22): wrong.obj:4: a face names corner 9, expected 1 to 3; expected a \
-             complete .stl, .obj or .dae file: export it again",
+             complete .stl, .obj or .dae file; export it again",
             "link \"a\": mesh \"scan.ply\" (r.urdf:6:22): scan.ply: not a supported mesh format; convert it to .stl, \
              .obj or .dae",
         ]

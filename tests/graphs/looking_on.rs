@@ -203,7 +203,10 @@ fn sets_parameters(run: &str) {
     assert_eq!((&change["old"], &change["new"]), (&Value::from(0.5), &Value::from(1.0)));
     assert_eq!(printed(&["param", "get", "controller.frequency", "--run", run]), "1\n");
     let refused = complaint(&["param", "set", "controller.frequency", "99", "--run", run]);
-    assert!(refused.contains("expected from 0.05 to 2") && refused.contains("the value remains 1 Hz"), "{refused}");
+    assert!(
+        refused.contains("expected from 0.05 to 2") && refused.contains("the value remains 1 Hz"),
+        "{refused}"
+    );
     let unknown = complaint(&["param", "get", "controller.frequencey", "--run", run]);
     assert!(unknown.contains("did you mean `controller.frequency`?"), "{unknown}");
 }

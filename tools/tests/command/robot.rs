@@ -279,8 +279,8 @@ fn invalid_state_error_names_case_and_key() {
         (json!({ "cases": [{ "q": [1.0, 0.0, 0.0] }] }), "case 0: `q` has 3 entries, expected 4"),
         (json!({ "cases": [{}] }), "neither `q` nor `joint_positions`"),
         (json!({ "cases": [{ "q": [0.1, 0.2], "v": [1.0] }] }), "`v` has 1 entries, expected 2"),
-        (json!({ "cases": [{ "q": [0.1, "x"] }] }), "`q` holds \"x\", not a number"),
-        (json!({ "joints": ["joint1"], "cases": [{ "q": [0.1] }] }), "missing: joint2"),
+        (json!({ "cases": [{ "q": [0.1, "x"] }] }), "`q` contains \"x\", expected numbers"),
+        (json!({ "joints": ["joint1"], "cases": [{ "q": [0.1] }] }), "are missing: joint2"),
         (json!({ "joints": ["joint1", "joint7"], "cases": [] }), "no independent joint `joint7`"),
         (json!({ "joints": ["root_joint", "joint1", "joint2"], "cases": [] }), "add --floating-base"),
     ] {

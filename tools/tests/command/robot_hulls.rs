@@ -88,7 +88,7 @@ fn missing_meshes_are_named_and_required() {
     let out = out.to_str().expect("text");
     let output = crate::program::run(&["robot", "hulls", &file, "--output", out]);
     let errors = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success() && errors.contains("mesh no.stl is nowhere"), "{errors}");
+    assert!(output.status.success() && errors.contains("mesh no.stl was not found"), "{errors}");
     let own = folder.path().to_str().expect("text");
     assert!(complaint(&["robot", "hulls", &file, "--output", own]).contains("is the robot itself"));
     assert_eq!(loaded(&file).bodies()[0].shapes.len(), 0, "the robot is unchanged");

@@ -394,5 +394,5 @@ fn a_library_that_is_not_there_is_named_with_what_to_install() {
         );
     }
     let other = answer(Some("/dev/null"));
-    assert!(other.contains("MOTORIUM_MUJOCO is `/dev/null`"), "{other}");
+    assert!(other.contains("MOTORIUM_MUJOCO is set to `/dev/null`"), "{other}");
 }

@@ -112,7 +112,7 @@ fn excess_deadline_bandwidth_is_refused_with_its_sum() {
     let admission = check(&nodes, &Overheads::NONE);
     assert!(admission.refuses());
     let problem =
-        admission.refusals().find(|problem| problem.message.contains("by their deadlines")).unwrap();
+        admission.refusals().find(|problem| problem.message.contains("under `SCHED_DEADLINE`")).unwrap();
     let arithmetic = problem.arithmetic.as_deref().unwrap();
     assert_eq!(arithmetic, "all cores: 0.650 (a) + 0.650 (b) + 0.650 (c) = 1.950 > 2 x 0.9");
 }

@@ -92,7 +92,7 @@ fn writes_outside_the_filled_part_are_checked_as_well() {
 }
 
 #[test]
-#[should_panic(expected = "no part of motorium.Ranges")]
+#[should_panic(expected = "outside the loaned motorium.Ranges")]
 fn numbers_outside_the_value_are_not_filled() {
     static ELSEWHERE: [f32; 4] = [0.0; 4];
     let bench = Bench::new(Ranges::layout(), TopicPattern::State);

@@ -270,6 +270,6 @@ mod tests {
         let two = owned(&["policy.speed=1", "policy.gait=trot"]);
         assert_eq!(assignments(&two).unwrap(), [("policy.speed", "1"), ("policy.gait", "trot")]);
         let error = assignments(&owned(&["policy.speed"])).unwrap_err().to_string();
-        assert!(error.contains("write `COMPONENT.PARAMETER=VALUE`"), "{error}");
+        assert!(error.contains("of the form `COMPONENT.PARAMETER=VALUE`"), "{error}");
     }
 }
