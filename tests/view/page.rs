@@ -242,7 +242,7 @@ fn camera_follows_a_walking_quadruped_unless_held() {
     browser.evaluate("dispatchEvent(new KeyboardEvent('keydown', { code: 'KeyF' }))").unwrap();
     let held = until(&mut browser, "it does not follow", |state| state["view"]["follows"] == false);
     let away = until(&mut browser, "it walks away", |state| travelled(state, &held) > 0.2);
-    // The page computes the target anew in every picture, so its last bit may change.
+    // The page recomputes the target for every picture, so its last bit may change.
     let moved = difference(vector(&away["view"]["target"]), vector(&held["view"]["target"])).map(f64::abs);
     assert!(moved.iter().all(|part| *part < 1e-9), "the held camera moves: {moved:?}");
     browser.evaluate("document.getElementById('frame').click()").unwrap();
