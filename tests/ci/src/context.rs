@@ -163,8 +163,12 @@ impl<'a> Context<'a> {
     /// # Errors
     /// The program does not start, or fails.
     pub(crate) fn run(&self, call: &Call) -> Result<Ended, Failure> {
-        let ended = self.lines(call, &mut |line| self.say(&line.text))?;
-        succeeded(call, ended.status)?;
+        let mut last = String::new();
+        let ended = self.lines(call, &mut |line| {
+            self.say(&line.text);
+            last = line.text;
+        })?;
+        succeeded(call, ended.status, last)?;
         Ok(ended)
     }
 
@@ -183,16 +187,19 @@ impl<'a> Context<'a> {
     /// # Errors
     /// The program does not start, or fails.
     pub(crate) fn output(&self, call: &Call) -> Result<String, Failure> {
-        let mut output = String::new();
+        let (mut output, mut last) = (String::new(), String::new());
         let ended = call::run(call, Streams::Separate, &mut |line| match line.stream {
             Stream::Output => {
                 output += &line.text;
                 output.push('\n');
             }
-            Stream::Messages => self.say(&line.text),
+            Stream::Messages => {
+                self.say(&line.text);
+                last = line.text;
+            }
         })?;
         self.ticks.fetch_add(ended.ticks, Ordering::Relaxed);
-        succeeded(call, ended.status)?;
+        succeeded(call, ended.status, last)?;
         Ok(output)
     }
 
@@ -210,10 +217,10 @@ impl<'a> Context<'a> {
     }
 }
 
-fn succeeded(call: &Call, status: ExitStatus) -> Result<(), Failure> {
+fn succeeded(call: &Call, status: ExitStatus, message: String) -> Result<(), Failure> {
     match status.success() {
         true => Ok(()),
-        false => Err(Failure::Ended { command: call.to_string(), status }),
+        false => Err(Failure::Ended { command: call.to_string(), status, message }),
     }
 }
 

@@ -10,7 +10,7 @@ use core::fmt;
 
 use crate::proc::{CoreTicks, TICKS_PER_SECOND};
 
-/// Shortest gap [s] that makes a failed real-time check inconclusive.
+/// Shortest gap [s] that makes a failed real-time check inconclusive, unless the check says what it endures.
 pub(crate) const MIN_GAP_S: f64 = 0.020;
 /// Smallest stolen share of the processor time that makes a failed real-time check inconclusive.
 pub(crate) const MIN_STEAL_SHARE: f64 = 0.05;
@@ -81,11 +81,12 @@ impl fmt::Display for Disturbance {
 }
 
 impl Record {
-    /// Returns the disturbance in a window, if it is large enough to explain a failed real-time check.
-    pub(crate) fn disturbance(&self, window: Span) -> Option<Disturbance> {
+    /// Returns the disturbance in a window, if it is large enough to explain a failed real-time check, which
+    /// endures stops shorter than `endured_s`.
+    pub(crate) fn disturbance(&self, window: Span, endured_s: f64) -> Option<Disturbance> {
         let inside = self.stops().into_iter().filter_map(|stop| stop.intersection(window));
         let longest = inside.map(Span::seconds).fold(0.0, f64::max);
-        if longest >= MIN_GAP_S {
+        if longest >= endured_s {
             return Some(Disturbance::Stopped { ms: 1e3 * longest });
         }
         let (stolen, total) = self.stolen_s(window, None)?;
@@ -185,7 +186,7 @@ mod tests {
     const WINDOW: Span = Span { start: 2.0, end: 6.0 };
 
     fn stopped_ms(record: &Record, window: Span) -> Option<i64> {
-        match record.disturbance(window) {
+        match record.disturbance(window, MIN_GAP_S) {
             Some(Disturbance::Stopped { ms }) => Some(ms.round() as i64),
             Some(Disturbance::Stolen { .. }) | None => None,
         }
@@ -193,18 +194,18 @@ mod tests {
 
     #[test]
     fn quiet_host_is_no_excuse() {
-        assert_eq!(record(&[], |_| [7, 9]).disturbance(WINDOW), None);
-        assert_eq!(Record::default().disturbance(WINDOW), None);
+        assert_eq!(record(&[], |_| [7, 9]).disturbance(WINDOW, MIN_GAP_S), None);
+        assert_eq!(Record::default().disturbance(WINDOW, MIN_GAP_S), None);
     }
 
     #[test]
     fn gap_of_one_core_needs_steal() {
         let gaps = [(1, 3.0, 3.05)];
-        assert_eq!(record(&gaps, |_| [0, 0]).disturbance(WINDOW), None, "throttled by the kernel");
+        assert_eq!(record(&gaps, |_| [0, 0]).disturbance(WINDOW, MIN_GAP_S), None, "throttled by the kernel");
         let stolen = record(&gaps, |time| [0, if time > 3.0 { 3 } else { 0 }]);
         assert_eq!(stopped_ms(&stolen, WINDOW), Some(50));
         let from_other = record(&gaps, |time| [if time > 3.0 { 3 } else { 0 }, 0]);
-        assert_eq!(from_other.disturbance(WINDOW), None, "stolen from the other core");
+        assert_eq!(from_other.disturbance(WINDOW, MIN_GAP_S), None, "stolen from the other core");
     }
 
     #[test]
@@ -213,26 +214,33 @@ mod tests {
         assert_eq!(stopped_ms(&record(&gaps, |_| [0, 0]), WINDOW), Some(40));
         let mut without_priority = record(&gaps, |_| [0, 0]);
         without_priority.is_real_time = false;
-        assert_eq!(without_priority.disturbance(WINDOW), None);
+        assert_eq!(without_priority.disturbance(WINDOW, MIN_GAP_S), None);
     }
 
     #[test]
     fn gaps_outside_the_window_do_not_count() {
         let gaps = [(0, 1.90, 2.010), (1, 1.90, 2.010)];
-        assert_eq!(record(&gaps, |_| [0, 0]).disturbance(WINDOW), None, "10 ms are inside");
+        assert_eq!(record(&gaps, |_| [0, 0]).disturbance(WINDOW, MIN_GAP_S), None, "10 ms are inside");
         let gaps = [(0, 1.90, 2.021), (1, 1.90, 2.021)];
         assert_eq!(stopped_ms(&record(&gaps, |_| [0, 0]), WINDOW), Some(21));
+    }
+
+    #[test]
+    fn check_that_endures_less_is_disturbed_by_less() {
+        let stopped = record(&[(0, 3.0, 3.015), (1, 3.0, 3.015)], |_| [0, 0]);
+        assert_eq!(stopped.disturbance(WINDOW, MIN_GAP_S), None);
+        assert!(matches!(stopped.disturbance(WINDOW, 0.012), Some(Disturbance::Stopped { .. })));
     }
 
     #[test]
     fn five_percent_steal_in_the_window_counts() {
         // 4 s of two cores are 800 ticks
         let until = |ticks: u64| move |time: f64| [if time > 4.0 { ticks } else { 0 }, 0];
-        assert_eq!(record(&[], until(39)).disturbance(WINDOW), None);
-        let found = record(&[], until(40)).disturbance(WINDOW);
+        assert_eq!(record(&[], until(39)).disturbance(WINDOW, MIN_GAP_S), None);
+        let found = record(&[], until(40)).disturbance(WINDOW, MIN_GAP_S);
         assert!(matches!(found, Some(Disturbance::Stolen { share, .. }) if (share - 0.05).abs() < 1e-9));
         let later = Span { start: 5.0, end: 9.0 };
-        assert_eq!(record(&[], until(400)).disturbance(later), None, "stolen before the window");
+        assert_eq!(record(&[], until(400)).disturbance(later, MIN_GAP_S), None, "stolen before the window");
     }
 
     #[test]

@@ -9,8 +9,8 @@ use std::process::ExitStatus;
 pub(crate) enum Failure {
     /// A program did not start.
     Start { command: String, source: io::Error },
-    /// A program ended with a failure.
-    Ended { command: String, status: ExitStatus },
+    /// A program ended with a failure. `message` is the last line that it printed, or empty.
+    Ended { command: String, status: ExitStatus, message: String },
     /// A file or folder is not accessible.
     File { path: String, source: io::Error },
     /// A program printed something else than expected.
@@ -43,7 +43,12 @@ impl fmt::Display for Failure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Start { command, source } => write!(f, "`{command}` does not start: {source}"),
-            Self::Ended { command, status } => write!(f, "`{command}` failed: {status}"),
+            Self::Ended { command, status, message } if message.is_empty() => {
+                write!(f, "`{command}` failed: {status}")
+            }
+            Self::Ended { command, status, message } => {
+                write!(f, "`{command}` failed: {status}, last line: {message}")
+            }
             Self::File { path, source } => write!(f, "`{path}`: {source}"),
             Self::Output { command, expected } => write!(f, "`{command}` printed no {expected}"),
             Self::Check(text) | Self::RealTime(text) => f.write_str(text),

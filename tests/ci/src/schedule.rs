@@ -222,7 +222,7 @@ mod tests {
 
     #[test]
     fn failure_stops_only_the_steps_that_need_it() {
-        let fails = |context: &Context<'_>| shell(context, "exit 3");
+        let fails = |context: &Context<'_>| shell(context, "echo begins; echo no disk; exit 3");
         let steps = [
             Step { name: "build", lane: "a", action: fails, ..STEP },
             Step { name: "use", lane: "b", needs: &["build"], ..STEP },
@@ -236,12 +236,12 @@ mod tests {
             matches!(
                 &ends[..],
                 [
-                    ("build", End::Failed(Failure::Ended { status, .. })),
+                    ("build", End::Failed(Failure::Ended { status, message, .. })),
                     ("use", End::NotRun { missing: "build" }),
                     ("use again", End::NotRun { missing: "use" }),
                     ("other", End::Ran(_)),
                     ("panics", End::Failed(Failure::Check(_))),
-                ] if status.code() == Some(3)
+                ] if status.code() == Some(3) && message == "no disk"
             ),
             "{ends:?}"
         );

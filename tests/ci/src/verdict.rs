@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::evidence::{Record, Span};
+use crate::evidence::{MIN_GAP_S, Record, Span};
 use crate::libtest::{Outcome, Program};
 use crate::outcome;
 
@@ -29,7 +29,10 @@ pub(crate) fn judge(programs: &[Program], has_succeeded: bool, record: Option<&R
                 Outcome::Failed => {
                     failed += 1;
                     let window = test.real_time_from.map(|start| Span { start, end: test.ended });
-                    match window.zip(record).and_then(|(window, record)| record.disturbance(window)) {
+                    match window
+                        .zip(record)
+                        .and_then(|(window, record)| record.disturbance(window, MIN_GAP_S))
+                    {
                         Some(disturbance) => verdict.inconclusive.push(format!("{name}: {disturbance}")),
                         None => verdict.failures.push(name),
                     }

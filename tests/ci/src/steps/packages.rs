@@ -19,7 +19,8 @@ pub(crate) fn publishable(context: &Context<'_>) -> Result<Outcome, Failure> {
         return Ok(Outcome::default());
     }
     printed.lines().for_each(|line| context.say(line));
-    Err(Failure::Ended { command: publish.to_string(), status })
+    let message = printed.lines().last().unwrap_or_default().to_string();
+    Err(Failure::Ended { command: publish.to_string(), status, message })
 }
 
 /// Builds a release archive and tries it from an empty folder.
