@@ -71,7 +71,7 @@ class Camera {
     this.canvas.width = this.canvas.height = 0;
     this.caption = document.createElement("p");
     this.caption.className = "dim";
-    this.caption.textContent = "no picture yet";
+    this.caption.textContent = "no image yet";
     this.element.append(name, this.canvas, this.caption);
     this.take = (message) => (this.#newest = message);
     // Hidden pictures are not subscribed.
@@ -98,7 +98,7 @@ class Camera {
     const { width, height, step, encoding, data } = picture;
     const known = ENCODINGS[encoding];
     if (!known && encoding !== DEPTH) {
-      this.caption.textContent = `pictures of encoding ${encoding} are not shown`;
+      this.caption.textContent = `cannot show images with the encoding ${encoding}`;
       return;
     }
     if (this.canvas.width !== width || this.canvas.height !== height) {

@@ -202,7 +202,7 @@ export class Plot {
   /** Adds the line at the displayed position; dragging it or the plot seeks another position. */
   #addCursor() {
     const { over } = this.chart;
-    this.line = Object.assign(document.createElement("div"), { className: "cursor", title: "the place that is shown: drag" });
+    this.line = Object.assign(document.createElement("div"), { className: "cursor", title: "the time shown in 3D; drag to change it" });
     over.append(this.line);
     over.classList.add("seeks");
     const seek = ({ clientX }) => {

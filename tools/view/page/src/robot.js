@@ -37,7 +37,7 @@ async function mesh(uri, bytes, material) {
     case "gltf":
       return (await new GLTFLoader().parseAsync(buffer, "")).scene;
     default:
-      throw new Error(`${uri}: no kind of mesh that the page can draw`);
+      throw new Error(`${uri}: the page cannot draw meshes of this type`);
   }
 }
 

@@ -99,9 +99,9 @@ export class Timeline {
     const svg = add(this.element, "svg", { width, height, role: "img", "aria-label": "timeline" });
     const x = (ns) => LEFT + ((width - LEFT - 30) * ns) / this.#length;
     add(svg, "rect", { class: "predicted", x: LEFT, y: 4, width: 14, height: 8 });
-    add(svg, "text", { x: LEFT + 20, y: 12 }, "predicted, every budget used up");
-    add(svg, "rect", { class: "measured", x: LEFT + 230, y: 4, width: 14, height: 8 });
-    add(svg, "text", { x: LEFT + 250, y: 12 }, "measured, median of the last interval; thin: p99");
+    add(svg, "text", { x: LEFT + 20, y: 12 }, "predicted, if each step uses its whole budget");
+    add(svg, "rect", { class: "measured", x: LEFT + 310, y: 4, width: 14, height: 8 });
+    add(svg, "text", { x: LEFT + 330, y: 12 }, "measured: median of the last interval (thin bar: p99)");
     const [step, bottom] = [grain(this.#length), height - BELOW];
     for (let mark = 0; mark <= this.#length; mark += step) {
       add(svg, "line", { x1: x(mark), x2: x(mark), y1: TOP, y2: bottom });
