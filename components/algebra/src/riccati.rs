@@ -7,8 +7,8 @@
 //! P = A' P A - A' P B (R + B' P B)^-1 B' P A + Q        K = (R + B' P B)^-1 B' P A        u = -K x
 //! ```
 //!
-//! The remaining cost from `x` is `x' P x`. The steady state of a Kalman filter is the dual problem:
-//! [`solve`] with `A'`, `H'`, the process noise and the measurement noise.
+//! The cost from the state `x` to the end is `x' P x`. The steady-state Kalman filter is the dual problem:
+//! call [`solve`] with `A'`, `H'`, and the covariances of the process noise and the measurement noise.
 //!
 //! ```
 //! use motorium_algebra::riccati::lqr;
@@ -24,7 +24,7 @@
 
 use nalgebra::DMatrix;
 
-/// Error of an equation that is invalid or has no stabilising solution.
+/// Error returned when a Riccati equation is invalid or has no stabilising solution.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum RiccatiError {
     /// A matrix has the wrong size.
@@ -55,7 +55,7 @@ pub enum RiccatiError {
 pub struct Regulator {
     /// Gain `K`, inputs x states.
     pub gain: DMatrix<f64>,
-    /// Matrix `P` of the cost `x' P x` that remains from the state `x`, before this step's input.
+    /// Matrix `P` of the cost-to-go `x' P x`, where `x` is the state before this step's input.
     pub cost: DMatrix<f64>,
 }
 
@@ -129,7 +129,7 @@ pub fn lqr(
     Ok(Regulator { gain, cost })
 }
 
-/// Returns the optimal regulator of each of `steps` steps, the first step first, computed by the backward
+/// Returns one optimal regulator for each of `steps` steps, in time order. They are computed by the backward
 /// Riccati recursion. `last` is the matrix of the terminal cost.
 ///
 /// # Errors

@@ -68,7 +68,7 @@ impl fmt::Display for Conflict {
     }
 }
 
-/// Invalid problem data.
+/// Error returned when problem data are invalid.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum UpdateError {
     /// A matrix or vector does not have the size required by the structure.
@@ -120,7 +120,7 @@ pub enum UpdateError {
     },
 }
 
-/// Error of a solve that found no solution.
+/// Error returned when a solve finds no solution.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum SolveError {
     /// No `x` satisfies the constraints.

@@ -7,7 +7,7 @@
 //! - Presolve and zero-dropping are off.
 //! - The sparsity pattern comes from the [`Structure`] alone, never from values, where an exact zero would
 //!   shift every later entry.
-//! - Scaling is done here for each problem, because Clarabel's own scaling is fixed by the first one.
+//! - Scaling is done here for each problem, because Clarabel's own scaling is fixed by the first problem.
 
 mod layout;
 mod scaling;

@@ -28,11 +28,11 @@ use serde::Deserialize;
 
 use super::{Problem, Sides, Structure};
 
-/// Error reading recorded problems.
+/// Error returned when recorded problems cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub enum RecordedError {
     /// The file is not JSON of the expected form.
-    #[error("expected one problem or a list of them, each with P and q: {0}")]
+    #[error("expected one problem or a list of problems, each with P and q: {0}")]
     Syntax(#[from] serde_json::Error),
     /// A token is not a JSON number.
     #[error("`{word}` at line {line} column {column}, expected a finite number; write infinity as 1e20")]
