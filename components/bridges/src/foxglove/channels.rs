@@ -1,4 +1,4 @@
-//! Channels of the topics of a plan.
+//! Foxglove channels for the topics of a graph's plan.
 
 use motorium::declare::TopicPattern;
 use motorium::plan::Plan;
@@ -17,7 +17,7 @@ pub struct Channel {
     pub content: Content,
 }
 
-/// Content of the messages of a channel.
+/// Content of the messages of a channel: exact samples, or drawings for viewers.
 #[derive(Debug, Clone)]
 pub enum Content {
     /// All fields and the stamp of each sample.

@@ -22,7 +22,7 @@ const PACKAGE_VERSION: &str = "v1";
 /// The schema of `motorium.JointState` is `motorium.v1.JointState`, where `v1` is the version of the
 /// derivation rule. Field 1 is the stamp. The fields of the layout follow in order from 2, so a field keeps
 /// its number while its position in the type is unchanged. Arrays of numbers are packed, arrays of bytes are
-/// `bytes`, and UTF-8 bytes named `text` are a `string`. Of a counted array, only the used entries are
+/// `bytes`, and UTF-8 bytes named `text` are a `string`. Only the used entries of a counted array are
 /// written. In field names `.` becomes `__`, and `[3]` becomes `_3`.
 ///
 /// ```

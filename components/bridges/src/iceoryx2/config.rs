@@ -8,7 +8,8 @@ use motorium::units::{Rate, TimeSpan, UnitError};
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer};
 
-/// Configuration of `bridge.iceoryx2`: types and limits of the ports that `subscribe` and `publish` wire.
+/// Configuration of `bridge.iceoryx2`: names, types and limits of the bridge's ports. The keys `subscribe`
+/// and `publish` of the component connect these ports to topics.
 ///
 /// ```toml
 /// out        = ["joint_state"]
@@ -34,7 +35,8 @@ pub struct Iceoryx2BridgeConfig {
     /// Inputs whose slices, such as images and clouds of any type, are mirrored to other programs one by one,
     /// in order. Default: an empty list.
     pub out_slices: Vec<String>,
-    /// Outputs by name, each a topic that other programs publish. Default: an empty table.
+    /// Outputs by name. Each publishes values from other programs on a topic of the graph. Default: an empty
+    /// table.
     #[serde(rename = "in")]
     pub inbound: BTreeMap<String, InboundConfig>,
 }

@@ -110,7 +110,7 @@ pub enum ReadError {
     Foreign {
         /// Path of the file.
         path: PathBuf,
-        /// Missing or different part.
+        /// Part that is missing, or that differs from a motorium recording.
         reason: String,
     },
 }

@@ -246,8 +246,8 @@ impl Curve {
     }
 }
 
-/// Minimum and maximum of a curve in each time interval. An envelope reduces a curve of any length to one
-/// that can be drawn.
+/// Minimum and maximum of a curve in each time interval. An envelope reduces a curve of any length to at most
+/// two points per interval, for drawing.
 ///
 /// ```
 /// use motorium_bridges::recording::Envelope;

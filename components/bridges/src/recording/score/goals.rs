@@ -10,8 +10,8 @@ use super::super::{RecordedSample, Recording};
 use super::spectral_arc_length;
 use crate::foxglove::load_in_world;
 
-/// Tolerances within which a goal counts as reached. They override the tolerances in the reader's
-/// configuration.
+/// Tolerances within which a goal counts as reached. They override the tolerances in the configuration of the
+/// component that reads the targets.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Tolerance {
     /// Position tolerance, m.
