@@ -33,7 +33,7 @@ pub struct Database {
     mask: u32,
 }
 
-/// Error of reading a database.
+/// Error returned when a database cannot be read.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum DatabaseError {
     /// The text is not a DBC file.
@@ -306,7 +306,7 @@ fn signals(file: &Dbc, message: &can_dbc::Message) -> Result<Vec<Signal>, (Strin
             return refuse(format!("{bits} bits from bit {}, beyond {bytes} bytes", signal.start));
         }
         if signal.factor == 0.0 {
-            return refuse("its factor is 0, expected another number".into());
+            return refuse("its factor is 0, expected a number other than 0".into());
         }
         Ok(signal)
     };

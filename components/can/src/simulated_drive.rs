@@ -58,8 +58,8 @@ impl AnySimulatedDrive {
         self.0.receive(frame, now_ns, answer);
     }
 
-    /// Observes a frame of another drive, and passes any frame sent in response to `answer`. Servos with a
-    /// common answer send one after the other.
+    /// Observes a frame of another drive, and passes any frame sent in response to `answer`. Servos that
+    /// share one answer packet send their parts of the packet one after the other.
     pub fn observe(&mut self, frame: &Frame, answer: &mut dyn FnMut(Frame)) {
         self.0.observe(frame, answer);
     }

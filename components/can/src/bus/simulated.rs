@@ -12,16 +12,16 @@ use crate::frame::{Form, Frame};
 pub enum Event {
     /// A frame arrived at all other nodes.
     Delivered {
-        /// Node that sent it.
+        /// Index of the node that sent the frame.
         sender: usize,
-        /// Frame.
+        /// The frame that arrived.
         frame: Frame,
         /// Time of the frame's last bit, ns.
         time_ns: u64,
     },
     /// A frame was disturbed and will be sent again.
     Disturbed {
-        /// Node that sent it.
+        /// Index of the node that sent the frame.
         sender: usize,
         /// State of the node after the error.
         state: ErrorState,

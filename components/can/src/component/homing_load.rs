@@ -4,8 +4,8 @@
 //!
 //! The joint moves with the velocity gain `effort / velocity`. It counts as at rest below the fraction
 //! [`STILL`] of `velocity`, where its weight and Coulomb friction may use up the rest of `effort`. Viscous
-//! damping slows the joint but does not stop it, so it is only counted at that velocity. Friction helps to
-//! hold the joint at its stop, and opposes the motion away from it.
+//! damping slows the joint but does not stop it, so damping is included only at that velocity. Friction helps
+//! to hold the joint at its stop, and opposes the motion away from it.
 
 mod search;
 mod weights;

@@ -17,7 +17,7 @@ pub enum FastTurn {
         /// Number of servos that answer.
         servos: usize,
     },
-    /// Other servos have already answered.
+    /// The servo appends its share after the shares of previous servos.
     After {
         /// Checksum of all bytes of the previous servos, computed by [`fast_sum`].
         sum: u16,

@@ -203,7 +203,7 @@ impl Table {
             .any(|place| matches!(place, Place::Terminal(_)))
     }
 
-    /// Returns the index of a drive's bus; `None` if the table has no such bus.
+    /// Returns the index of a drive's bus; `None` if the table does not contain this bus.
     pub fn bus_of(&self, drive: &DriveEntry) -> Option<usize> {
         self.buses.iter().position(|bus| bus.name == drive.bus)
     }

@@ -14,8 +14,8 @@ use crate::bus::offered::{Place, Traffic, UnixBus};
 use crate::bus::socket::look_up;
 use crate::{Condition, OpenError};
 
-/// Listener on interfaces of the kernel and simulated buses (`unix:NAME`), for tools; it may block and
-/// allocate.
+/// Listener on interfaces of the kernel and simulated buses (`unix:NAME`), for tools. Its methods may block
+/// and allocate.
 ///
 /// ```
 /// use motorium_can::bus::offered::{Offer, Place};

@@ -251,7 +251,7 @@ fn invalid_databases_are_refused_with_their_position() {
     );
     assert_eq!(
         refused(&message(&signal("T", 0, 0))),
-        "the signal `T` of the message `Msg`: its factor is 0, expected another number"
+        "the signal `T` of the message `Msg`: its factor is 0, expected a number other than 0"
     );
     // pages of one name, and a byte order mark
     let pages = twice.replacen("T :", "T m1 :", 1).replacen("T :", "T m2 :", 1);

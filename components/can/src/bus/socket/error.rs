@@ -2,7 +2,7 @@
 
 use std::io;
 
-/// Error of opening an interface.
+/// Error returned when an interface cannot be opened.
 #[derive(Debug, thiserror::Error)]
 pub enum OpenError {
     /// The kernel does not support CAN sockets.

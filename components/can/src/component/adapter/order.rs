@@ -135,7 +135,7 @@ pub(super) fn check_budget(
     if !budget.fits() {
         let message = format!("{} drives do not fit on bus `{bus}`: {budget}", budget.exchanges.len());
         let advice = format!(
-            "at most {} such drives fit: spread them over more buses, or lower the rate",
+            "at most {} of these drives fit: spread them over more buses, or lower the rate",
             budget.most()
         );
         return Err(ConfigError::key("drives", message).advise(advice));

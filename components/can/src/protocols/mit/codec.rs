@@ -4,7 +4,8 @@
 //! torque (12 bits each), most significant bit first. The drive answers every command with one frame.
 //! Commands for enabling, disabling and setting the zero position consist of seven bytes 0xFF and a code.
 //!
-//! Numbers are mapped to the [`Ranges`] configured in the drive. A wrong range silently scales them.
+//! Numbers are mapped to the [`Ranges`] configured in the drive. If these ranges are wrong, all numbers are
+//! silently scaled.
 
 use crate::drive::{Command, Fault, Feedback, Ranges, State};
 use crate::frame::{DecodeError, Form, Frame, Id, exactly};
@@ -19,7 +20,7 @@ pub enum Instruction {
     Enable,
     /// The drive is disabled.
     Disable,
-    /// The present position becomes zero.
+    /// The current position becomes zero.
     SetZero,
 }
 
@@ -153,7 +154,7 @@ impl Drive {
     /// Drive side: decodes the instruction in a frame.
     ///
     /// # Errors
-    /// Returns an error if the frame is for another drive, has another length, or ends in an unknown code.
+    /// Returns an error if the frame is for another drive, has the wrong length, or ends in an unknown code.
     pub fn instruction(&self, frame: &Frame) -> Result<Instruction, DecodeError> {
         let data: &[u8; 8] = exactly(frame, self.id())?;
         if data[..7] == [0xff; 7] {
@@ -199,7 +200,7 @@ impl Drive {
     /// Decodes an answer.
     ///
     /// # Errors
-    /// Returns an error if the frame has another identifier or length, comes from another drive, or has an
+    /// Returns an error if the frame has the wrong identifier or length, comes from another drive, or has an
     /// unknown code.
     // decoded in place, like commands
     #[inline(always)]

@@ -1,7 +1,8 @@
 //! Registers of Damiao drives, with settings that must be known before a drive is enabled.
 //!
 //! All drives on a bus listen to the identifier 0x7FF; the first two bytes contain the ID of the addressed
-//! drive. An answer has the same identifier as the drive's other answers, and repeats the request.
+//! drive. The answer to a request has the same identifier as the drive's answers to commands, and repeats the
+//! request.
 
 use crate::frame::{DecodeError, Frame, Id, exactly, finite};
 
@@ -165,8 +166,8 @@ impl Request {
     /// Decodes the value in an answer with the identifier `master`.
     ///
     /// # Errors
-    /// Returns an error if the answer comes from another drive or concerns another register, or if its number
-    /// is not finite.
+    /// Returns an error if the answer comes from another drive or concerns a register that was not requested,
+    /// or if its number is not finite.
     pub fn value(&self, frame: &Frame, master: Id) -> Result<Value, DecodeError> {
         self.value_of(READ, frame, master)
     }

@@ -170,7 +170,7 @@ pub enum Report {
         /// Measurement.
         measured: f64,
     },
-    /// Setpoint and estimate of the torque, N m. Newer firmware only.
+    /// Setpoint and estimate of the torque, N m. Only sent by firmware newer than 0.5.6.
     Torques {
         /// Setpoint.
         target: f64,
@@ -252,7 +252,7 @@ impl Node {
     /// Drive side: decodes the message in a frame.
     ///
     /// # Errors
-    /// Returns an error if the frame is for another drive, is not a message to a drive, has another length,
+    /// Returns an error if the frame is for another drive, is not a message to a drive, has the wrong length,
     /// or contains an invalid number.
     pub fn instruction(self, frame: &Frame) -> Result<Instruction, DecodeError> {
         let command = self.command(frame)?;
@@ -327,8 +327,8 @@ impl Node {
     /// Decodes a report of the drive.
     ///
     /// # Errors
-    /// Returns an error if the frame comes from another drive, is not a supported report, has another length,
-    /// or contains an invalid number.
+    /// Returns an error if the frame comes from another drive, is not a supported report, has the wrong
+    /// length, or contains an invalid number.
     pub fn report(self, frame: &Frame) -> Result<Report, DecodeError> {
         let command = self.command(frame)?;
         let (first, second) = halves(frame.data())?;

@@ -52,7 +52,7 @@ struct Number {
 const SIGNED: [(i64, u32); 8] =
     [(0x02, 8), (0x03, 16), (0x04, 32), (0x10, 24), (0x12, 40), (0x13, 48), (0x14, 56), (0x15, 64)];
 
-/// Error of reading a data sheet.
+/// Error returned when a data sheet cannot be read.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("line {line}: {message}")]
 pub struct EdsError {

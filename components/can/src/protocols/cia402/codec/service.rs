@@ -199,8 +199,8 @@ impl Node {
     /// Decodes the answer to a service. Returns the value of a read, or `None` for a write.
     ///
     /// # Errors
-    /// Returns an error if the frame is not an answer of this node, concerns another object, or is not
-    /// expedited, or if the node refused the service.
+    /// Returns an error if the frame is not an answer of this node, concerns an object that was not
+    /// requested, or is not expedited, or if the node refused the service.
     pub fn service_result(self, service: &Service, frame: &Frame) -> Result<Option<Value>, DecodeError> {
         let data: &[u8; 8] = exactly(frame, self.id(0x580))?;
         let (Service::Read(asked) | Service::Write(asked, _)) = *service;
