@@ -115,7 +115,7 @@ pub struct ContactConfig {
 #[serde(default, deny_unknown_fields)]
 pub struct WrenchConfig {
     /// Sides along x and y of the rectangle that contains the centre of pressure, centred at the origin of
-    /// the frame, m. Default: the sole less `margin`.
+    /// the frame, m. Default: the sides of the sole, reduced by `margin` at each edge.
     pub sides: Option<[f64; 2]>,
     /// Coefficient of friction for tangential force and yaw torque, 1e-3 to 10. Default: the contact's value.
     pub friction: Option<f64>,
@@ -160,7 +160,7 @@ impl WrenchConfig {
 fn no_use(unknowns: &str, key: impl Into<String>) -> ConfigError {
     let message = format!("it has no effect with `unknowns = \"{unknowns}\"`");
     ConfigError::key(key, message)
-        .advise("leave it out, or decide both: unknowns = \"accelerations_and_forces\"")
+        .advise("leave it out, or solve for motions and forces: unknowns = \"accelerations_and_forces\"")
 }
 
 impl InverseDynamicsConfig {

@@ -240,7 +240,7 @@ impl ControllerSetup {
             if let Formulations::Velocity(instead) = formulations
                 && self.torque
             {
-                let message = format!("task `{name}` has no form for torques");
+                let message = format!("task `{name}` is not available with `inverse_dynamics`");
                 return Err(ConfigError::key(&context.path, message).advise(instead));
             }
             let unused = match (self.unknowns, acts_on) {
@@ -249,9 +249,9 @@ impl ControllerSetup {
                 _ => None,
             };
             if let Some((what, unknowns)) = unused {
-                let message = format!("task `{name}` acts on {what}, but {unknowns} alone are decided");
+                let message = format!("task `{name}` acts on {what}, but the only unknowns are {unknowns}");
                 return Err(ConfigError::key(&context.path, message)
-                    .advise("leave it out, or decide both: unknowns = \"accelerations_and_forces\""));
+                    .advise("leave it out, or solve for both: unknowns = \"accelerations_and_forces\""));
             }
             for (key, input) in [("target", target), ("wrench", wrench)] {
                 let Some(input) = input else { continue };

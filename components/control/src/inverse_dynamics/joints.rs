@@ -15,10 +15,10 @@ with_defaults! {
     /// v+ <= v_max,   v+^2 <= 2 braking (q_max - q+)   or   v+ <= 0
     /// ```
     ///
-    /// and likewise on the other side (viability; Del Prete, *Joint position and velocity bounds in
+    /// and likewise at the lower limits (viability; Del Prete, *Joint position and velocity bounds in
     /// discrete-time acceleration/torque control of robot arms*, IEEE RA-L 2018). A joint that is too fast to
     /// stop before its limit, or already beyond it, must stop within the tick, as far as the maximum
-    /// deceleration allows. It may stay or return but not move farther.
+    /// deceleration allows. A joint beyond its limit may stay there or return, but not move farther out.
     ///
     /// ```
     /// use motorium_control::inverse_dynamics::JointAccelerationLimits;

@@ -51,8 +51,8 @@ impl InverseDynamics {
     /// so that `e >= 0`, and therefore `h >= 0`, remain true up to `a dt^2 / 2` once they hold. (Nguyen and
     /// Sreenath, *Exponential control barrier functions for enforcing high relative-degree safety-critical
     /// constraints*, 2016.) If constraints contradict each other, the involved row that is least beyond its
-    /// limit returns more slowly or stays in place. If torques or contacts do not permit even that, limits
-    /// are relaxed like joint limits.
+    /// limit returns more slowly or stays in place. If torques or contacts do not permit even that, these
+    /// limits are relaxed like joint limits.
     ///
     /// ```
     /// use motorium_control::inverse_dynamics::{DynamicsRows, InverseDynamics, InverseDynamicsSettings, MotionState};

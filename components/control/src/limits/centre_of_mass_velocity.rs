@@ -16,7 +16,7 @@ use crate::checks::in_range;
 /// -most <= J_com v <= most                                m/s
 /// ```
 ///
-/// (OpenSoT's constraint.) An axis with an infinite bound is omitted.
+/// OpenSoT has the same constraint. An axis with an infinite bound is omitted.
 #[derive(Clone, Debug)]
 pub struct CentreOfMassVelocityLimit {
     most: Vector3<f64>,

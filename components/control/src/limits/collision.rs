@@ -34,7 +34,8 @@ with_defaults! {
 /// Rows for the witnesses of the nearest pairs.
 const WITNESSES: usize = 32;
 
-/// Slows the approach of pairs of solids: two of the robot, or one of the robot and an obstacle:
+/// Slows the approach of pairs of solids. A pair consists of two solids of the robot, or of a solid of the
+/// robot and an obstacle:
 ///
 /// ```text
 /// dd/dq v  >=  -min(rate, 1/dt) (d - distance)                    m/s, at most recovery
@@ -229,7 +230,7 @@ impl CollisionConfig {
         let range = in_range(&key("range"), self.range, distance..=1e3)?;
         let rate = in_range(&key("rate"), self.rate, 1e-3..=1e6)?;
         if !(1..=256).contains(&self.pairs) {
-            return Err(ConfigError::key(key("pairs"), format!("{}, expected from 1 to 256", self.pairs)));
+            return Err(ConfigError::key(key("pairs"), format!("{}, expected 1 to 256", self.pairs)));
         }
         let options = CollisionOptions { leave_out_defects: true, ..CollisionOptions::default() };
         let mut solids = CollisionModel::new(model, &options)

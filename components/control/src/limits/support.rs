@@ -34,8 +34,9 @@ pub enum Supported {
 /// n' J_com v  <=  rate max(d - margin - n' c, 0)       x and y of the world; rate of the centre of mass, 1/s
 /// ```
 ///
-/// (OpenSoT's convex hull and capture point: `n' (c + c' / o) <= d - margin` is equivalent with the rate
-/// `o`.) Rates are limited to what one step allows. Outside the hull the point may stay or return.
+/// OpenSoT has the same constraint for the convex hull. Its constraint for the capture point,
+/// `n' (c + c' / o) <= d - margin`, is equivalent with the rate `o`. Rates are limited so that one step does
+/// not cross an edge. A point outside the hull may stay or return.
 ///
 /// ```
 /// use motorium_control::limits::{SupportLimit, Supported};
