@@ -92,7 +92,7 @@ pub struct MotionLibrary {
     analysis: DMatrix<f64>,
 }
 
-/// Error of building a library.
+/// Error returned when a library cannot be built.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum BuildError {
     /// There are no recordings.

@@ -50,7 +50,7 @@ impl Interpolation {
 /// Default damping `D = 25`, with the stiffness `K = 156.25`.
 pub const DAMPING: f64 = 25.0;
 
-/// Error of steps that are too long for a stable spring.
+/// Error returned when the damping of a spring is not positive, or its steps are too long to be stable.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[error(
     "found {samples} samples with a damping of {damping}, expected a positive damping and more than {least} samples for stable steps"

@@ -11,7 +11,7 @@ use crate::{BuildError, Entry, Frame, Layout, LibraryParts, Metric, MotionLibrar
 /// Largest size of a library file, bytes.
 const LONGEST: u64 = 2 * 1024 * 1024 * 1024;
 
-/// Error of reading a file that is not a valid library.
+/// Error returned when a file cannot be read as a library.
 #[derive(Debug, thiserror::Error)]
 pub enum FileError {
     /// The file system reported an error.
