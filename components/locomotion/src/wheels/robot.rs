@@ -19,7 +19,7 @@ pub struct BaseJoint {
     pub sign: f64,
 }
 
-/// Error of a robot whose wheels cannot be controlled.
+/// Error returned when the wheels of a robot cannot be controlled.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum RobotWheelsError {
     /// The profile of the robot has no mobile base.
