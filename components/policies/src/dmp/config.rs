@@ -37,8 +37,8 @@ pub struct DmpPolicyConfig {
     /// `joint_state`.
     #[serde(default)]
     pub start: Option<PoseConfig>,
-    /// Paths of primitives written by `motorium primitive fit`, relative to the graph file. Goals with
-    /// the shape `"selected"` use the one that the parameter `primitive` selects.
+    /// Paths of primitives written by `motorium primitive fit`, relative to the graph file. Goals with the
+    /// shape `"selected"` use the primitive that the parameter `primitive` selects.
     #[serde(default)]
     #[schemars(extend("format" = "path"))]
     pub primitives: Vec<String>,

@@ -375,13 +375,10 @@ fn read(source: &PolicySource, base: &Path) -> Result<Read, ConfigError> {
     };
     let Read { rate, outputs, .. } = &read;
     if !(0.1..=1e4).contains(rate) {
-        return Err(ConfigError::key(
-            "policy",
-            format!("a rate of {rate} Hz, expected from 0.1 to 10000 Hz"),
-        ));
+        return Err(ConfigError::key("policy", format!("a rate of {rate} Hz, expected 0.1 to 10000 Hz")));
     }
     if *outputs > MAX_ACTION {
-        let message = format!("{outputs} joints, but an action holds {MAX_ACTION}");
+        let message = format!("{outputs} joints, but an action has at most {MAX_ACTION} numbers");
         return Err(ConfigError::key("policy", message));
     }
     Ok(read)
