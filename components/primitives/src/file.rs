@@ -85,7 +85,7 @@ impl Primitive {
     }
 }
 
-/// Error of reading or writing a primitive file.
+/// Error returned when a primitive file cannot be read or written.
 #[derive(Debug, thiserror::Error)]
 pub enum PrimitiveFileError {
     /// The file cannot be read or written.
@@ -153,8 +153,8 @@ impl PrimitiveFile {
     }
 
     /// Creates the file of a rhythm of `period` seconds. Start and start velocity are means over `periods`,
-    /// to which the model was fitted. There must be at least one; each is samples x dimensions, without the
-    /// closing sample.
+    /// to which the model was fitted. `periods` must not be empty; each entry is a matrix of samples x
+    /// dimensions, without the closing sample.
     pub fn rhythmic(names: Vec<String>, period: f64, periods: &[DMatrix<f64>], model: RhythmicModel) -> Self {
         let count = periods.len().max(1) as f64;
         let mean = |value: &dyn Fn(&DMatrix<f64>, usize) -> f64| -> Vec<f64> {

@@ -37,14 +37,16 @@ impl Default for Regression {
     }
 }
 
-/// Error of fitting a primitive.
+/// Error returned when a primitive cannot be fitted to demonstrations.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum FitError {
     /// No demonstration was given.
     #[error("no demonstration given, expected at least one")]
     NoDemonstration,
     /// Demonstrations differ in their number of dimensions.
-    #[error("demonstration {index} has {found} dimensions, expected {expected} as in the first")]
+    #[error(
+        "demonstration {index} has {found} dimensions, expected {expected} as in the first demonstration"
+    )]
     Dimensions {
         /// Index of the demonstration, from 0.
         index: usize,

@@ -189,7 +189,7 @@ impl OrientationDmp {
 /// quaternions have no effect. Rotations of more than half a revolution between start and goal are preserved.
 ///
 /// # Errors
-/// Same as [`Demonstration::from_positions`].
+/// [`DemonstrationError`] in the same cases as [`Demonstration::from_positions`].
 pub fn orientation_demonstration(
     duration: f64,
     orientations: &[UnitQuaternion<f64>],

@@ -72,7 +72,8 @@ pub enum Scaling {
     },
     /// Scaling of the whole forcing vector by the ratio of the lengths of the two displacements (at most
     /// `limit`), with the smallest rotation between their directions (Ginesi et al. 2021). A curve keeps its
-    /// shape in every direction. For dimensions that share one unit, such as a position in space.
+    /// shape in every direction. Only for dimensions that share one unit, such as the coordinates of a
+    /// position.
     Similarity {
         /// Maximum ratio of lengths, at least 1.
         limit: f64,
@@ -117,7 +118,7 @@ impl Default for Settings {
     }
 }
 
-/// Error of creating a model.
+/// Error returned when a model cannot be created.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ModelError {
     /// A number, vector or matrix is invalid.
@@ -125,7 +126,7 @@ pub enum ModelError {
     Value(#[from] ValueError),
     /// A goal rate is set, but the variant plans its goal and has no goal filter.
     #[error(
-        "goal_rate is set, but a quintic goal already moves smoothly: remove it, or choose another variant"
+        "goal_rate is set, but a quintic goal already moves smoothly: remove goal_rate, or choose a variant without a quintic goal"
     )]
     NeedlessGoalRate,
 }

@@ -2,7 +2,7 @@
 
 use crate::ValueError;
 
-/// Error of creating or conditioning a probabilistic primitive.
+/// Error returned when a probabilistic primitive cannot be created, conditioned or combined.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ProMpError {
     /// A number, vector or matrix is invalid.

@@ -204,7 +204,7 @@ impl ProMp {
     /// with the covariance `noise`. [`conditioned`](Self::conditioned) is the special case of a position.
     ///
     /// # Errors
-    /// Same as [`conditioned`](Self::conditioned).
+    /// [`ProMpError`] in the same cases as [`conditioned`](Self::conditioned).
     pub fn conditioned_on(
         &self,
         observed: Observed,

@@ -11,7 +11,7 @@
 //! turn  = v e_y / l^2 + max(turn_gain, 2 |v| / l) sin e_yaw
 //! ```
 //!
-//! A base off its line returns to it within a few lengths `l`, without overshoot.
+//! A base off its line returns to the line within a few lengths `l`, without overshoot.
 //!
 //! ```
 //! use motorium_primitives::route::{Place, Route, RouteSettings, Stop};
