@@ -48,7 +48,8 @@ pub enum FaultKind {
     Corrupt,
     /// The drive sends each answer twice.
     Duplicate,
-    /// A second drive with the same number also answers, and reports a different position.
+    /// A second drive with the same number answers in addition to the drive, and reports a different
+    /// position.
     Twin,
     /// The drive has no power: it receives nothing, answers nothing and is disabled.
     Off,

@@ -2,7 +2,7 @@
 //! whether the effort moves the joint to the stop, holds it there and moves it away again. The model also
 //! yields the impact energy.
 //!
-//! The joint moves with the velocity gain `effort / velocity`. It counts as at rest below the fraction
+//! The joint moves with the velocity gain `effort / velocity`. The joint counts as at rest below the fraction
 //! [`STILL`] of `velocity`, where its weight and Coulomb friction may use up the rest of `effort`. Viscous
 //! damping slows the joint but does not stop it, so damping is included only at that velocity. Friction helps
 //! to hold the joint at its stop, and opposes the motion away from it.
@@ -44,7 +44,7 @@ impl Problem {
             }
             Self::TooWeak(_) => "raise `effort`, or choose the stop at the other end",
             Self::TooHard(_) => {
-                "write a lower `velocity`, or set `energy` to the energy that its stop and gear withstand"
+                "write a lower `velocity`, or set `energy` to the energy that the stop and the gear withstand"
             }
         }
     }

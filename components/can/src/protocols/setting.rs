@@ -138,7 +138,9 @@ fn correction(turns: Option<i32>) -> String {
         "move the joint into its range, give the drive a `homing`, or correct `offset` in the drive table";
     match turns {
         Some(turns) => {
-            format!("{always}; if the reading is off by whole turns, write `turns = {turns}` there")
+            format!(
+                "{always}; if the reading is off by whole turns, write `turns = {turns}` in the drive table"
+            )
         }
         None => always.to_string(),
     }

@@ -314,7 +314,7 @@ impl Table {
                     column: None,
                     entry: None,
                     message: format!("joint `{joint}` has no drive"),
-                    advice: "add a `[[drive]]` for it",
+                    advice: "add a `[[drive]]` for this joint",
                 })
             })
             .collect()

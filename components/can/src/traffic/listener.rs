@@ -98,7 +98,7 @@ impl Source {
                     },
                     Some(Traffic::Report(report)) => Ok(Record::of_report(bus.name(), &report)),
                     None if bus.condition() == Condition::Gone => {
-                        refused(bus, "the program that simulates it has ended")
+                        refused(bus, "the program that simulates this bus has ended")
                     }
                     None => Ok(None),
                 }

@@ -219,6 +219,6 @@ fn bus_addresses_of_a_drive_table_are_checked() {
     );
     assert!(
         refused("interface = \"unix:a\"", "interface = \"unix:a\"")
-            .contains("another bus has the same interface")
+            .contains("another bus already uses this interface")
     );
 }

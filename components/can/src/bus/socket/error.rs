@@ -113,7 +113,7 @@ impl OpenError {
                 io::ErrorKind::PermissionDenied => {
                     "join the group that owns serial lines (`sudo usermod -aG dialout $USER`), and log in again".into()
                 }
-                io::ErrorKind::ResourceBusy => "stop the program that uses it: `sudo fuser -v` shows it".into(),
+                io::ErrorKind::ResourceBusy => "stop the program that uses the line: `sudo fuser -v` shows this program".into(),
                 io::ErrorKind::InvalidInput => {
                     "choose a bitrate that the adapter supports, and check that no other program has opened its channel".into()
                 }

@@ -184,7 +184,7 @@ pub(super) fn check_watchdogs(
     {
         let message = format!("the watchdog of the drive of `{}` is off", drive.joint);
         return Err(ConfigError::key("drives", message).advise(
-            "set one in the drive and in the table: without it the drive continues with its last command",
+            "set a watchdog in the drive and in the table: without a watchdog the drive continues with its last command",
         ));
     }
     let Some(period) = declare.period() else { return Ok(()) };
@@ -204,7 +204,10 @@ pub(super) fn check_watchdogs(
         return Err(ConfigError::key("drives", message).advise(advice));
     }
     if watchdog(drive) < 2 * period {
-        declare.warn(format!("{message}: a single lost command disables it")).key("drives").advise(advice);
+        declare
+            .warn(format!("{message}: a single lost command disables the drive"))
+            .key("drives")
+            .advise(advice);
     }
     Ok(())
 }

@@ -54,11 +54,11 @@ impl StepOrder {
             let (message, advice) = match is_real {
                 false => (
                     "no bus has an interface",
-                    "leave it out: simulated buses answer between two steps; real ones have an `interface`",
+                    "leave `answer_within` out: simulated buses answer between two steps; real buses have an `interface`",
                 ),
                 true => (
                     "with `command_within`, answers may arrive until the next step",
-                    "leave one of the two out: a step waits either for the command or for the answers",
+                    "leave `answer_within` or `command_within` out: a step waits either for the command or for the answers",
                 ),
             };
             return Err(ConfigError::key("answer_within", message).advise(advice));
@@ -87,7 +87,7 @@ impl StepOrder {
             );
         }
         if let Some(within) = self.command_within.filter(|within| is_out(*within)) {
-            let advice = "leave time for the answers: set it to the time that policy and controller need, such as \"300 us\"";
+            let advice = "leave time for the answers: set `command_within` to the time that policy and controller need, such as \"300 us\"";
             return refuse(
                 "command_within",
                 format!("a wait of {within:?} for the command, but the period is {period:?}"),
@@ -151,7 +151,7 @@ pub(super) fn check_budget(
         let warning = declare.warn(format!("bus `{bus}` is nearly full: {budget}"));
         warning
             .key("drives")
-            .advise("a single disturbed frame makes others miss their cycle: stay below 80 %");
+            .advise("a single disturbed frame makes other frames miss their cycle: stay below 80 %");
     }
     Ok(())
 }

@@ -103,8 +103,8 @@ pub struct DriveEntry {
     /// required unless the data sheet has it.
     pub rated_torque: Option<f64>,
     /// The largest current of the motor, A, which the adapter sets in the drive before enabling it; efforts
-    /// beyond that current are clamped. For ODrive, CiA 402 (object 0x6073), Damiao (register 3), Feetech
-    /// (register 48) and Dynamixel (register 102). Default: the drive's setting.
+    /// that require more current are clamped. For ODrive, CiA 402 (object 0x6073), Damiao (register 3),
+    /// Feetech (register 48) and Dynamixel (register 102). Default: the drive's setting.
     pub current_limit: Option<f64>,
     /// Torque of the output shaft per current of the motor, N m/A. Used by `current_limit` of ODrive, Damiao
     /// and Dynamixel drives.
@@ -117,9 +117,9 @@ pub struct DriveEntry {
     /// The rated current, the base of currents in thousandths: object 0x6075, A. For `current_limit` of CiA
     /// 402, where it is required unless the data sheet has it.
     pub rated_current: Option<f64>,
-    /// The electronic data sheet of the drive, an EDS or DCF file, relative to the drive table. It provides
-    /// increments and rated torque, and the table is checked against its objects, modes, mappings and limits.
-    /// CiA 402 only.
+    /// The electronic data sheet of the drive, an EDS or DCF file, relative to the drive table. The data
+    /// sheet provides the increments and the rated torque. The table is checked against the objects, modes,
+    /// mappings and limits in the data sheet. CiA 402 only.
     pub eds: Option<String>,
     /// Procedure that determines the joint position after power-up, before the drive is enabled. Default:
     /// none, because the reported position is absolute, or the drive is at its zero at power-up.

@@ -272,8 +272,8 @@ impl Entry {
         matches!(self.access.as_str(), "rw" | "rww" | "rwr" | "wo")
     }
 
-    /// Returns the value for node ID `node`: the value of the specific device, otherwise the default; `None`
-    /// without either.
+    /// Returns the value for node ID `node`: the value of the specific device, or the default if the data
+    /// sheet has no specific value. `None` if it has neither.
     pub fn value(&self, node: u8) -> Option<i64> {
         self.value.map(|value| value.for_node(node))
     }
