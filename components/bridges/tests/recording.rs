@@ -139,7 +139,7 @@ fn real_time_episodes_are_exported_one_by_one() {
     assert!(whole.episodes.is_none() && last.episodes.is_none());
     assert!(whole.duration_ns.unwrap() > 2 * last.duration_ns.unwrap(), "{whole:?}");
     let missing = replayed(&recording, &[], Some(3)).unwrap_err().to_string();
-    assert!(missing.contains("it has no episode 3; it has 3"), "{missing}");
+    assert!(missing.contains("the recording has no episode 3; it has 3"), "{missing}");
 }
 
 #[test]

@@ -99,7 +99,7 @@ impl Derived {
     /// beyond the count are zero.
     ///
     /// # Errors
-    /// Returns an error if the message is damaged or of another type.
+    /// Returns an error if the message is damaged, or is not a message of this type.
     pub fn decode(&self, mut message: &[u8]) -> Result<(Stamp, Vec<u8>), DerivedError> {
         let damaged = |field: Option<&str>| DerivedError::Message {
             schema: self.schema.name.clone(),

@@ -142,7 +142,7 @@ impl InboundConfig {
             None => Ok(()),
             Some(capacity) if !(1..=LARGEST_CAPACITY).contains(&capacity) => refuse(
                 format!("a capacity of {capacity}, expected 1 to {LARGEST_CAPACITY}"),
-                "set it to the number of values that arrive between two steps of the bridge, or slightly more",
+                "set the capacity to the number of values that arrive between two steps of the bridge, or slightly more",
             ),
             Some(_) if self.type_name == EmergencyStop::NAME => refuse(
                 "an emergency stop must not wait in a queue, which can overflow".to_string(),

@@ -201,7 +201,8 @@ impl Recording {
     }
 
     /// Returns the latched message of `channel`: the last message of a channel without a topic, such as
-    /// [`WORLD_SCENE`](crate::foxglove::WORLD_SCENE). Returns `None` if no such channel has a message.
+    /// [`WORLD_SCENE`](crate::foxglove::WORLD_SCENE). Returns `None` if the file has no latched message of
+    /// this channel.
     pub fn latched(&self, channel: &str) -> Option<&[u8]> {
         self.scan.latched.get(channel).map(Vec::as_slice)
     }
@@ -284,7 +285,7 @@ fn other_writer(log: &MessageLog<Mmap>) -> String {
         writer => format!("`{writer}`"),
     };
     format!(
-        "it was written by {by} and contains {}, expected channels written by `motorium run --record`",
+        "the file was written by {by} and contains {}, expected channels written by `motorium run --record`",
         log.described()
     )
 }

@@ -96,8 +96,8 @@ pub struct GoalScore {
     pub orientation_error_rad: f64,
     /// `true` if both errors were within the tolerances.
     pub reached: bool,
-    /// Spectral arc length of the frame's speed on the path to the goal. It is about -1.4 for a movement with
-    /// one acceleration and one deceleration, and lower for hesitant movements.
+    /// Spectral arc length of the frame's speed on the path to the goal. The arc length is about -1.4 for a
+    /// movement with one acceleration and one deceleration, and lower for hesitant movements.
     pub smoothness: Option<f64>,
 }
 
