@@ -26,8 +26,8 @@ pub fn in_range(key: &str, value: f64, range: RangeInclusive<f64>) -> Result<f64
 /// Returns the magnitude of gravity, m/s2, from the key `gravity`, which must act along -z of the world.
 ///
 /// # Errors
-/// [`ConfigError`] for this key if gravity acts along another direction, or its magnitude is not from 0.01 to
-/// 1000.
+/// [`ConfigError`] for this key if gravity does not act along -z, or if its magnitude is outside 0.01 to 1000
+/// m/s2.
 pub fn downward_gravity(gravity: [f64; 3]) -> Result<f64, ConfigError> {
     let [0.0, 0.0, down] = gravity else {
         let message = format!("{gravity:?}, expected a vector along -z of the world");

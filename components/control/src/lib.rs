@@ -9,7 +9,7 @@
 //!
 //! - [`tasks`] are costs: a frame reaches a pose, the centre of mass reaches a point, an axis points at a
 //!   point, the joints keep a posture. Most tasks work with velocities and accelerations; a [`formulation`]
-//!   turns them into costs. They are combined by weights or in [levels](DifferentialIk::levels) of strict
+//!   turns them into costs. Tasks are combined by weights or in [levels](DifferentialIk::levels) of strict
 //!   priority.
 //! - [`limits`] are bounds: joint position and velocity limits.
 //! - [`DifferentialIk`] combines tasks and limits into the program, and a solver of [`motorium_qp`] computes

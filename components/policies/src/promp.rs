@@ -281,8 +281,9 @@ fn named(
         if unknown.len() < recording.names().len() {
             let message = format!("robot `{}` has no joints {}", robot.name, unknown.join(", "));
             let known = loaded.model.joint_names().join(", ");
-            return Err(ConfigError::key(key, message)
-                .advise(format!("name the columns to follow in `joints`; its joints are {known}")));
+            return Err(ConfigError::key(key, message).advise(format!(
+                "name the columns to follow in `joints`; the joints of the robot are {known}"
+            )));
         }
     }
     Ok(loaded.model.joint_names().iter().map(|name| (name.clone(), "joints".to_string())).collect())
@@ -394,7 +395,7 @@ fn primitives(
         };
         if primitive.dimensions() != joints {
             let message = format!("a primitive of {} dimensions for {joints} joints", primitive.dimensions());
-            return Err(ConfigError::key(&key, message).advise("name the joints it moves in `joints`"));
+            return Err(ConfigError::key(&key, message).advise("name the joints to move in `joints`"));
         }
         for (v, via) in config.via.iter().enumerate() {
             primitive =
@@ -428,7 +429,7 @@ fn followed(
     let found = recording.names().len();
     if found != names.len() {
         let message = format!("a recording of {found} columns for {} joints", names.len());
-        return Err(ConfigError::key(key, message).advise("name the joints it moves in `joints`"));
+        return Err(ConfigError::key(key, message).advise("name the joints to move in `joints`"));
     }
     Ok(Followed::recording(&recording))
 }

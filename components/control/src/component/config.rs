@@ -92,8 +92,8 @@ pub struct LevelConfig {
     /// Number of the level. At least one task must be on it.
     pub level: u32,
     /// Tikhonov regularisation of this level, 1e-12 to 1, which replaces `damping`: cost of joint velocities,
-    /// 1/(rad/s)^2, or with `inverse_dynamics` of accelerations and contact forces. It smooths this level and
-    /// does not restrict the levels below.
+    /// 1/(rad/s)^2, or with `inverse_dynamics` of accelerations and contact forces. The regularisation
+    /// smooths this level and does not restrict the levels below.
     pub damping: f64,
 }
 

@@ -91,9 +91,9 @@ pub enum InfeasiblePolicy {
 #[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct ContactConfig {
-    /// Foot of the robot's profile, which also names the contact. Set either this or `frame`.
+    /// Foot of the robot's profile, which also names the contact. Set either `foot` or `frame`.
     pub foot: Option<String>,
-    /// Link whose frame touches the ground, which also names the contact. Set either this or `foot`.
+    /// Link whose frame touches the ground, which also names the contact. Set either `frame` or `foot`.
     pub frame: Option<String>,
     /// Radius of a ball about the origin of `frame`, m. Without `radius` and `sole` the contact is a point.
     pub radius: Option<f64>,
@@ -305,7 +305,8 @@ impl ContactConfig {
             (Some(name), None) => {
                 if self.radius.is_some() || self.sole.is_some() {
                     let message = "the robot's profile defines the shape of a foot";
-                    return Err(ConfigError::key(key("foot"), message).advise("name its `frame` instead"));
+                    return Err(ConfigError::key(key("foot"), message)
+                        .advise("name the `frame` of the foot instead of `foot`"));
                 }
                 let feet = profile.map(|profile| &profile.feet);
                 let Some(foot) = feet.and_then(|feet| feet.get(name)) else {

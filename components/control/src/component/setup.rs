@@ -258,7 +258,7 @@ impl ControllerSetup {
                 if targets[own.len()..].contains(&input) {
                     let message = format!("two tasks read their {key} from `{input}`");
                     return Err(ConfigError::key(context.key(key), message)
-                        .advise(format!("give each its own input, such as `{key} = \"left_{key}\"`")));
+                        .advise(format!("give each task its own input, such as `{key} = \"left_{key}\"`")));
                 }
                 if own.contains(&input) || !is_name(input) {
                     let message = format!("`{input}` cannot be the name of an input");
@@ -342,7 +342,7 @@ fn refuse_velocity_keys(config: &QpControllerConfig) -> Result<(), ConfigError> 
     ];
     if config.on_infeasible.is_some() {
         return Err(ConfigError::key("on_infeasible", "`inverse_dynamics` has its own key of this name")
-            .advise("move it there: inverse_dynamics = { on_infeasible = \"hold\" }"));
+            .advise("move the key there: inverse_dynamics = { on_infeasible = \"hold\" }"));
     }
     match given.into_iter().find(|(_, given)| *given) {
         None => Ok(()),
@@ -364,7 +364,7 @@ fn base_joints(
     let Some(base) = profile.and_then(|profile| profile.mobile_base.as_ref()) else {
         let message =
             format!("robot `{}` has a floating base, which joint velocities alone do not move", robot.name);
-        let advice = "add `inverse_dynamics = {}`: torques and contacts; or fix the base in its URDF or profile; a base on wheels needs a `[mobile_base]` in the profile";
+        let advice = "add `inverse_dynamics = {}` for torques and contacts, or fix the base in the robot's URDF or profile; a base on wheels needs a `[mobile_base]` in the profile";
         return Err(ConfigError::key("robot", message).advise(advice));
     };
     let names = base.joints.iter().chain(&base.wheels).chain(&base.steering);

@@ -25,8 +25,8 @@ with_defaults! {
     #[derive(Clone, Copy, Debug, PartialEq)]
     pub struct IkSettings;
 
-    /// Tikhonov regularisation: cost of any joint velocity \[1/(rad/s)^2\]. It makes the solution unique if
-    /// the tasks leave a joint undetermined. Default 1e-7.
+    /// Tikhonov regularisation: cost of any joint velocity \[1/(rad/s)^2\]. This cost makes the solution
+    /// unique if the tasks leave a joint undetermined. Default 1e-7.
     pub damping: f64 = 1e-7;
     /// Weight of held contacts and constraint tasks if constraints are contradictory: cost of violating them
     /// \[1/(m/s) or 1/(rad/s)\]. Limits are never relaxed. With `None`, a tick with contradictory constraints

@@ -7,9 +7,9 @@ use serde::Deserialize;
 with_defaults! {
     /// Acceleration bounds that keep a joint within its position and velocity limits and able to brake.
     ///
-    /// Over a tick of `dt` with constant acceleration the joint moves from `(q, v)` to `q+ = q + v dt + a
-    /// dt^2 / 2`, `v+ = v + a dt`. It must end within its limits, and slowly enough to stop before them with
-    /// the deceleration `braking`:
+    /// Over a tick of `dt` with constant acceleration the joint moves from `(q, v)` to
+    /// `q+ = q + v dt + a dt^2 / 2`, `v+ = v + a dt`. The joint must end within its limits, and slowly enough
+    /// to stop before them with the deceleration `braking`:
     ///
     /// ```text
     /// v+ <= v_max,   v+^2 <= 2 braking (q_max - q+)   or   v+ <= 0

@@ -35,7 +35,7 @@ impl InverseDynamics {
         (self.problem.lower[variable], self.problem.upper[variable]) = (0.0, 0.0);
     }
 
-    /// Adds the rows of `limit`, which bound velocities by `lower(q) <= G(q) v <= upper(q)`. They become
+    /// Adds the rows of `limit`, which bound velocities by `lower(q) <= G(q) v <= upper(q)`. The rows become
     /// bounds on the accelerations of a tick of `dt` seconds.
     ///
     /// This is a second-order control barrier. A limit of a distance `h` requires `h' >= -rate h`, which

@@ -18,8 +18,8 @@ with_defaults! {
     /// Tikhonov regularisation: cost of any acceleration \[1/(rad/s2)^2\] and of any contact force \[1/N^2\].
     /// Default 1e-7.
     pub damping: f64 = 1e-7;
-    /// Cost of a contact force \[1/N\] in every level. It spreads the load over the contact points and blocks
-    /// no motion of lower levels. Default 1e-3.
+    /// Cost of a contact force \[1/N\] in every level. This cost spreads the load over the contact points and
+    /// blocks no motion of lower levels. Default 1e-3.
     pub force_weight: f64 = 1e-3;
     /// Decay rate of the velocity of a slipping contact \[1/s\]. Default 20.
     pub contact_damping: f64 = 20.0;
@@ -59,7 +59,7 @@ pub enum Unknowns {
     /// limits; forces and torques are not limited. Contact forces within friction are then chosen for these
     /// accelerations, and torques are computed from the model: `tau = M_a a - J_a' f + h_a`.
     Accelerations,
-    /// Contact forces only. They move the base of a robot whose joints rest: `M_b a_b = J_b' f - h_b`.
+    /// Contact forces only. The forces move the base of a robot whose joints rest: `M_b a_b = J_b' f - h_b`.
     /// Friction, unilateral forces, wrenches of soles and torque limits apply. A motion task of the body
     /// becomes a task on the forces; as a [constraint](super::InverseDynamics::constrain) it is an equality
     /// of the floating base. Torques are `tau = M_ab a_b - J_a' f + h_a`.

@@ -312,7 +312,7 @@ impl CollisionConfig {
         let known = || world.objects.iter().map(|object| object.name.as_str());
         if known().next().is_none() {
             return Err(ConfigError::key(key, "the world has no objects")
-                .advise("add them to `[world]`: objects = [{ name = \"box\", shape = { box = { size = [0.1, 0.1, 0.1] } }, position = [0.5, 0.0, 0.05] }]"));
+                .advise("add objects to `[world]`: objects = [{ name = \"box\", shape = { box = { size = [0.1, 0.1, 0.1] } }, position = [0.5, 0.0, 0.05] }]"));
         }
         if let WorldObjects::Named(names) = desired
             && let Some(unknown) = names.iter().find(|name| !known().any(|known| known == *name))

@@ -55,9 +55,9 @@ impl<'a> LimitRows<'a> {
     /// row v >=  min(-rate left, recovery)              else: it comes back, no faster than `recovery` [m/s]
     /// ```
     ///
-    /// A step along the tangent of a curved constraint violates it in second order. Without the return, such
-    /// errors would accumulate. If no velocity satisfies all limits, a row beyond its limit stays in place. A
-    /// distance that is NaN counts as 0.
+    /// A step along the tangent of a curved constraint violates it in second order. Without the return, these
+    /// violations would accumulate. If no velocity satisfies all limits, a row beyond its limit stays in
+    /// place. A distance that is NaN counts as 0.
     ///
     /// # Panics
     /// If the limit has already written all its rows.

@@ -35,8 +35,8 @@ pub enum Supported {
 /// ```
 ///
 /// OpenSoT has the same constraint for the convex hull. Its constraint for the capture point,
-/// `n' (c + c' / o) <= d - margin`, is equivalent with the rate `o`. Rates are limited so that one step does
-/// not cross an edge. A point outside the hull may stay or return.
+/// `n' (c + c' / o) <= d - margin`, is equivalent to this constraint with the rate `o`. Rates are limited so
+/// that one step does not cross an edge. A point outside the hull may stay or return.
 ///
 /// ```
 /// use motorium_control::limits::{SupportLimit, Supported};

@@ -163,8 +163,9 @@ impl CartesianTask {
         self.set_moving_target(target, Twist::zero(), Twist::zero());
     }
 
-    /// Sets a moving target: its pose in the world, its velocity and its classical acceleration. Both are in
-    /// world axes, linear (of the target's origin) and angular \[m/s, rad/s; m/s2, rad/s2\].
+    /// Sets a moving target: its pose in the world, its velocity and its classical acceleration. Velocity and
+    /// acceleration are in world axes: linear (of the target's origin) and angular \[m/s, rad/s; m/s2,
+    /// rad/s2\].
     pub fn set_moving_target(&mut self, target: Isometry3<f64>, velocity: Twist, acceleration: Twist) {
         (self.target, self.velocity, self.acceleration) = (target, velocity, acceleration);
     }

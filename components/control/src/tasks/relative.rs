@@ -115,8 +115,8 @@ impl RelativeTask {
         self.target = target;
     }
 
-    /// Returns the error `e` at the last update: linear \[m\], then angular \[rad\]. It is in the axes of
-    /// `b`, or in the axes of `a` for a geometric error.
+    /// Returns the error `e` at the last update: linear \[m\], then angular \[rad\]. The error is in the axes
+    /// of `b`, or in the axes of `a` for a geometric error.
     pub fn error(&self) -> Vector6<f64> {
         self.equation.error.fixed_rows::<6>(0).into()
     }

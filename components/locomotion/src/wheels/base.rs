@@ -124,8 +124,8 @@ impl WheelBase {
         Ok(Self { kind: BaseKind::Mecanum, wheels, axle: 0.0, ways })
     }
 
-    /// Creates a base whose pose is given by three joints, x, y and yaw. Their velocities are treated as
-    /// wheel speeds.
+    /// Creates a base whose pose is given by three joints, x, y and yaw. The velocities of these joints are
+    /// treated as wheel speeds.
     pub fn planar() -> Self {
         let ways = vec![Vector3::x(), Vector3::y(), Vector3::z()];
         Self { kind: BaseKind::Planar, wheels: vec![Wheel::default(); 3], axle: 0.0, ways }

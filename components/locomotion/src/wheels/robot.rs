@@ -71,9 +71,9 @@ impl RobotWheelsError {
     /// Returns an action that fixes the error, if one is known.
     pub fn help(&self) -> Option<&'static str> {
         match self {
-            Self::Missing { .. } => {
-                Some("add `[mobile_base]` to its profile, with `drive`, `frame`, `wheels` and `wheel_radius`")
-            }
+            Self::Missing { .. } => Some(
+                "add `[mobile_base]` to the robot's profile, with `drive`, `frame`, `wheels` and `wheel_radius`",
+            ),
             Self::Independent { .. } => Some("use a differential, Ackermann or omnidirectional base"),
             Self::Gains(_) => Some("add `[gains]` to the profile of the robot"),
             _ => None,

@@ -40,8 +40,8 @@ use weights::LiveWeights;
 /// continues towards the current goal.
 ///
 /// In real time a new episode interrupts the current movement. The target stops and starts from its current
-/// pose towards the first goal, with the weights that have arrived. Relative goals keep the positions of the
-/// first episode.
+/// pose towards the first goal, with the latest weights from the input `weights`. Relative goals keep the
+/// positions of the first episode.
 #[derive(Debug)]
 pub struct DmpPolicy {
     target: Output<PoseTarget>,

@@ -57,7 +57,7 @@ impl StartPose {
             return Ok(());
         }
         let robot = declare.robot().ok_or_else(|| {
-            ConfigError::new("no `start` is given, and the component names no robot to measure it from")
+            ConfigError::new("no `start` is given, and the component names no robot whose pose is measured")
                 .advise("add `robot = \"NAME\"` to the component, or give `start` in its config")
         })?;
         let (loaded, frame) = robot::load_moved(robot, config.frame.as_deref())?;

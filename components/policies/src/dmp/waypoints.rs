@@ -65,7 +65,7 @@ impl Waypoints {
                 let message =
                     format!("the settings of {file} differ from the settings of the first primitive");
                 return Err(ConfigError::key(key, message)
-                    .advise("fit all of them with the same variant and number of kernels"));
+                    .advise("fit all primitives with the same variant and number of kernels"));
             }
             waypoints.primitives.push(model);
         }

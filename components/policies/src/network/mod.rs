@@ -185,8 +185,9 @@ fn load(
     if let Some(object) = points.objects().first() {
         let message =
             format!("\"{object}\" is not a link of the robot, and no topic has the motion of objects");
-        return Err(ConfigError::key("policy", message)
-            .advise("name links or \"target\" in `points`, or evaluate it with `motorium learn evaluate`"));
+        return Err(ConfigError::key("policy", message).advise(
+            "name links or \"target\" in `points`, or evaluate the policy with `motorium learn evaluate`",
+        ));
     }
     Ok(Loaded { policy, network, targets, observer, points, warning })
 }

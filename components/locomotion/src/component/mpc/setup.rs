@@ -85,7 +85,7 @@ fn gait(config: Option<&GaitConfig>, names: &[String]) -> Result<Gait, ConfigErr
     let offset = |name: &String| {
         config.offsets.get(name).copied().ok_or_else(|| {
             ConfigError::key("gait.offsets", format!("foot `{name}` has no offset"))
-                .advise(format!("add it, from 0 to 1, such as `{name} = 0.5`"))
+                .advise(format!("add an offset from 0 to 1, such as `{name} = 0.5`"))
         })
     };
     let offsets = names.iter().map(offset).collect::<Result<Vec<_>, _>>()?;

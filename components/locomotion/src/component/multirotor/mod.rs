@@ -84,11 +84,11 @@ impl Parts {
         if model.joint_count() > 0 {
             let message =
                 format!("robot `{}` has joints, but this controller flies only rigid bodies", robot.name);
-            return Err(refused(message).advise("make its joints `fixed` in the URDF"));
+            return Err(refused(message).advise("make the joints of the robot `fixed` in the URDF"));
         }
         if !model.base().floating {
             let message = format!("the base of robot `{}` is fixed", robot.name);
-            return Err(refused(message).advise("write `base = \"floating\"` in its profile"));
+            return Err(refused(message).advise("write `base = \"floating\"` in the robot's profile"));
         }
         let inertia = &model.base().inertia;
         let mut kinematics = Kinematics::new(&model);
