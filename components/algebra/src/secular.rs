@@ -5,7 +5,7 @@ use nalgebra::DMatrix;
 /// Eigenvalues, in ascending order, and orthonormal eigenvectors of `diag(d) + z z^T`.
 #[derive(Clone, Debug)]
 pub struct RankOne {
-    /// Eigenvalues, ascending.
+    /// Eigenvalues, in ascending order.
     pub values: Vec<f64>,
     /// Eigenvectors, one per column, in the order of the values.
     pub vectors: DMatrix<f64>,

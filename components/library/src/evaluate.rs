@@ -85,7 +85,8 @@ pub fn evaluate(basis: &Basis, recordings: &Recordings, spring: &SampledSpring) 
     }
 }
 
-/// Returns the root mean square, over the samples, of the path that each column of residual forces causes.
+/// Returns one error per column of residual forces: the root mean square, over the samples, of the path that
+/// these forces cause.
 pub fn path_errors(mut left: DMatrix<f64>, dofs: usize, spring: &SampledSpring) -> Vec<f64> {
     let each = spring.forces();
     left.column_iter_mut()

@@ -121,7 +121,7 @@ fn joined_basis(libraries: &[&MotionLibrary]) -> DMatrix<f64> {
 ///
 /// `[F_1, F_2, ...]` has the left singular vectors of `[U_1 S_1, U_2 S_2, ...]`. The result is exact for
 /// libraries that are not truncated. For truncated libraries, the leading eigenforces are nearly exact; the
-/// last ones lack the discarded components.
+/// last eigenforces lack the discarded components.
 ///
 /// # Errors
 /// [`MergeError`] if there are fewer than two libraries, or the libraries do not match.

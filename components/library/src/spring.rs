@@ -75,7 +75,7 @@ impl SampledSpring {
         Ok(Self { stiffness: 0.25 * damping * damping, damping, samples, interpolation })
     }
 
-    /// Returns the same spring with another interpolation curve for resampling recordings.
+    /// Returns the spring with `interpolation` as the curve on which recordings are resampled.
     #[must_use]
     pub fn with_interpolation(self, interpolation: Interpolation) -> Self {
         Self { interpolation, ..self }

@@ -97,7 +97,7 @@ pub enum PrimitiveFileError {
         source: std::io::Error,
     },
     /// The file is not a movement primitive.
-    #[error("{}: the file is not a movement primitive; `motorium primitive fit` makes one from recordings", path.display())]
+    #[error("{}: the file is not a movement primitive; `motorium primitive fit` creates primitives from recordings", path.display())]
     Foreign {
         /// Path of the file.
         path: PathBuf,
@@ -111,7 +111,7 @@ pub enum PrimitiveFileError {
         source: serde_json::Error,
     },
     /// The file has an unsupported version.
-    #[error("{}: version {found}, but this program reads version {}: fit it again", path.display(), PrimitiveFile::VERSION)]
+    #[error("{}: version {found}, but this program reads version {}: fit the primitive again", path.display(), PrimitiveFile::VERSION)]
     Version {
         /// Path of the file.
         path: PathBuf,
@@ -226,8 +226,8 @@ impl PrimitiveFile {
     /// Reads a file and checks its consistency.
     ///
     /// # Errors
-    /// [`PrimitiveFileError`] if the file cannot be read, is truncated or malformed, has another version, or
-    /// contradicts itself.
+    /// [`PrimitiveFileError`] if the file cannot be read, is truncated or malformed, has an unsupported
+    /// version, or contradicts itself.
     pub fn read(path: &Path) -> Result<Self, PrimitiveFileError> {
         let system = |source| PrimitiveFileError::System { path: path.into(), source };
         // Devices and pipes are rejected: they may never end.

@@ -31,7 +31,7 @@ impl fmt::Display for Constraint {
 /// The constraints with the largest multipliers in a certificate of infeasibility, strongest first.
 ///
 /// A certificate is a combination of constraints that no `x` satisfies. The constraints with the largest
-/// multipliers (after scaling each row to unit size) are the ones to relax.
+/// multipliers (after scaling each row to unit size) are the candidates for relaxation.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Conflict {
     constraints: [Option<Constraint>; Self::CAPACITY],
@@ -124,7 +124,9 @@ pub enum UpdateError {
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum SolveError {
     /// No `x` satisfies the constraints.
-    #[error("infeasible: no x satisfies all constraints; conflict between {conflict}; relax one of them")]
+    #[error(
+        "infeasible: no x satisfies all constraints; conflict between {conflict}; relax one of these constraints"
+    )]
     Infeasible {
         /// The constraints that contradict each other.
         conflict: Conflict,

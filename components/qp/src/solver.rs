@@ -13,8 +13,8 @@ pub trait QpSolver: Send {
     /// Replaces the problem data by `problem`.
     ///
     /// # Errors
-    /// [`UpdateError`] if the problem has another structure or invalid data. The problem data are then
-    /// unspecified; update again before solving.
+    /// [`UpdateError`] if the structure of the problem differs from the structure of the solver, or if its
+    /// data are invalid. The problem data are then unspecified; update again before solving.
     fn update(&mut self, problem: &Problem) -> Result<(), UpdateError>;
 
     /// Solves the problem of the last update.

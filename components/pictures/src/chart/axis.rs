@@ -82,8 +82,8 @@ impl Axis {
     }
 }
 
-/// Formats a number for an axis: three decimals without trailing zeros, very small and large ones with a
-/// power of ten.
+/// Formats a number for an axis: three decimals without trailing zeros. Very small and very large numbers are
+/// written with a power of ten.
 pub fn number(value: f64) -> String {
     if value == 0.0 {
         "0".into()

@@ -9,7 +9,9 @@ pub enum ProMpError {
     #[error(transparent)]
     Value(#[from] ValueError),
     /// There are too few demonstrations to estimate the variation.
-    #[error("found {found} demonstrations, expected at least 2 to estimate a covariance; record another")]
+    #[error(
+        "found {found} demonstrations, expected at least 2 to estimate a covariance; record another demonstration"
+    )]
     TooFew {
         /// Number of demonstrations found.
         found: usize,

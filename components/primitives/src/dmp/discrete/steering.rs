@@ -5,9 +5,9 @@ use crate::dmp::model::DmpModel;
 use crate::dmp::quintic::{Jet, Quintic};
 
 impl DiscreteDmp {
-    /// Exchanges the weights for a copy of another model's weights, without allocating. The other model must
-    /// have the same settings and dimensions. Call this between movements only: during a movement the forcing
-    /// term would be discontinuous.
+    /// Exchanges the weights for a copy of the weights of `model`, without allocating. `model` must have the
+    /// settings and dimensions of the current model. Call this between movements only: during a movement the
+    /// forcing term would be discontinuous.
     ///
     /// # Errors
     /// [`MoveError`] if the settings or the number of dimensions differ.
