@@ -71,9 +71,9 @@ const RESIDUAL: f64 = 1e-8;
 /// Returns the stabilising solution `P` of the discrete algebraic Riccati equation.
 ///
 /// Uses the structure-preserving doubling algorithm (Chu, Fan, Lin and Wang, *Int. J. Control* 77(8), 2004):
-/// each iteration doubles the horizon of the cost, so it converges quadratically. The function allocates;
-/// call it outside the control loop. Modes that do not decay must be controllable and have a cost. Otherwise
-/// the cost of a longer horizon does not converge to the stabilising solution.
+/// each iteration doubles the horizon of the cost, so the algorithm converges quadratically. The function
+/// allocates; call it outside the control loop. Modes that do not decay must be controllable and have a cost.
+/// Otherwise the cost of a longer horizon does not converge to the stabilising solution.
 ///
 /// # Errors
 /// [`RiccatiError`] if the matrices are invalid or no stabilising solution was found.

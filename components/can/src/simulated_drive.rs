@@ -1,4 +1,4 @@
-//! Simulated drives at the other end of the wire, each with an inner loop, a watchdog and a temperature.
+//! Simulated drives that answer on a bus, each with an inner loop, a watchdog and a temperature.
 
 use crate::SimulatedDrive;
 use crate::frame::{Frame, Id};

@@ -312,12 +312,12 @@ mod tests {
             (
                 "  can0  123   [3]  11 22",
                 15,
-                "found 2 bytes after `[3]`, expected 3 of two hexadecimal digits",
+                "found 2 bytes after `[3]`, expected 3 bytes of two hexadecimal digits each",
             ),
             (
                 "(1.5)  can0  123   [2]  11 2",
                 20,
-                "found 1 bytes after `[2]`, expected 2 of two hexadecimal digits",
+                "found 1 bytes after `[2]`, expected 2 bytes of two hexadecimal digits each",
             ),
             ("0.5 1 123x Rx d 3 11 22", 1, "expected time, channel, identifier"),
             (

@@ -394,7 +394,10 @@ fn primitives(
             }
         };
         if primitive.dimensions() != joints {
-            let message = format!("a primitive of {} dimensions for {joints} joints", primitive.dimensions());
+            let message = format!(
+                "the primitive has {} dimensions, but {joints} joints are moved",
+                primitive.dimensions()
+            );
             return Err(ConfigError::key(&key, message).advise("name the joints to move in `joints`"));
         }
         for (v, via) in config.via.iter().enumerate() {
@@ -428,7 +431,7 @@ fn followed(
     let recording = recorded(path, key, names)?;
     let found = recording.names().len();
     if found != names.len() {
-        let message = format!("a recording of {found} columns for {} joints", names.len());
+        let message = format!("the recording has {found} columns, but {} joints are moved", names.len());
         return Err(ConfigError::key(key, message).advise("name the joints to move in `joints`"));
     }
     Ok(Followed::recording(&recording))

@@ -30,8 +30,7 @@ pub fn fast_sum(sum: u16, bytes: &[u8]) -> u16 {
     crc_from(sum, bytes)
 }
 
-/// Servo side: writes the servo's share of the common packet. Returns the number of bytes; `None` if they do
-/// not fit.
+/// Writes a servo's share of the common packet. Returns the number of bytes; `None` if they do not fit.
 ///
 /// ```
 /// use motorium_can::servo::{FastTurn, LONGEST, fast_sum, write_fast_status};

@@ -165,7 +165,7 @@ pub fn write(
     end(protocol, out)
 }
 
-/// Servo side: writes the servo's answer.
+/// Writes a servo's answer.
 pub fn write_status(
     protocol: Protocol,
     servo: u8,

@@ -56,8 +56,8 @@ fn check_bus(bus: &BusEntry, before: &[BusEntry]) -> Result<(), Refusal> {
     let speeds = if is_serial { 9_600..=4_000_000 } else { 10_000..=1_000_000 };
     if !speeds.contains(&bus.bitrate) {
         let advice = match is_serial {
-            true => "write bits per second, 9600 to 4000000",
-            false => "write bits per second, 10000 to 1000000",
+            true => "write a number from 9600 to 4000000, in bit/s",
+            false => "write a number from 10000 to 1000000, in bit/s",
         };
         return refuse(&format!("the bitrate is {} bit/s", bus.bitrate), advice);
     }
@@ -65,7 +65,7 @@ fn check_bus(bus: &BusEntry, before: &[BusEntry]) -> Result<(), Refusal> {
         return refuse("a serial line has no data bitrate", "leave `data_bitrate` out");
     }
     if bus.data_bitrate.is_some_and(|fast| fast < bus.bitrate || fast > 8_000_000) {
-        let advice = "write bits per second, from `bitrate` to 8000000";
+        let advice = "write a number from `bitrate` to 8000000, in bit/s";
         return refuse("the data bitrate is below `bitrate` or above 8000000 bit/s", advice);
     }
     if let Some(place) = bus.interface.as_deref().and_then(Place::from_interface) {
@@ -85,7 +85,7 @@ fn check_bus(bus: &BusEntry, before: &[BusEntry]) -> Result<(), Refusal> {
         return refuse("another bus already uses this interface", "give each bus its own interface");
     }
     if before.first().is_some_and(|first| first.interface.is_some() != bus.interface.is_some()) {
-        let advice = "give all buses an `interface`, or none";
+        let advice = "give every bus an `interface`, or leave `interface` out of every bus";
         return refuse("the table contains both simulated and real buses", advice);
     }
     let is_offered =

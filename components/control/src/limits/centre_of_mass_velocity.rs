@@ -70,7 +70,7 @@ impl CentreOfMassLimitConfig {
                 .advise("give the largest speed along at least one axis, such as `x = 0.2`"));
         }
         if model.mass() <= 0.0 {
-            let message = format!("robot `{}` has no mass, so no centre of mass", model.name());
+            let message = format!("robot `{}` has no mass and therefore no centre of mass", model.name());
             return Err(ConfigError::key(key, message));
         }
         Ok(CentreOfMassVelocityLimit::new(model, most))

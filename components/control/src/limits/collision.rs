@@ -262,7 +262,7 @@ impl CollisionConfig {
         solids.retain_pairs(|[one, other]| !(fixed[*one] && *other >= first));
         leave_out_near(&mut solids, model, profile, distance, |link, object, found| {
             let message = format!(
-                "link `{link}` is {} m from `{object}` at home, expected at least {distance} m",
+                "link `{link}` is {} m from `{object}` in the home pose, expected at least {distance} m",
                 (found * 1e4).round() / 1e4
             );
             ConfigError::key(key("objects"), message).advise(format!(

@@ -14,8 +14,8 @@ pub trait RowLimit {
     /// Writes the rows for a tick of `dt` seconds. Rows that are not written are unbounded.
     fn write(&mut self, state: &RobotState<'_>, dt: f64, rows: &mut LimitRows<'_>);
 
-    /// Updates the pose of a moving object of the world, given by its index. The default implementation
-    /// ignores it.
+    /// Updates the pose of a moving object of the world, given by its index. The default implementation does
+    /// nothing.
     fn move_object(&mut self, _object: usize, _pose: &Isometry3<f64>) {}
 
     /// Returns the smallest distance at the last tick \[m\]. Returns `None` if no pair was in range or this

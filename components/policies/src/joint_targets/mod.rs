@@ -277,7 +277,7 @@ fn check(
         return Err(ConfigError::key("hold", message));
     }
     if action.kind == ActionKind::BaseTwist {
-        let message = "the action is a base twist, expected joints";
+        let message = "the action is a base twist, expected an action for joints";
         return Err(ConfigError::key("policy", message)
             .advise("wire the output `twist` of `policy.network` to a `control.wheels` instead"));
     }

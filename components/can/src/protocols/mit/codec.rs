@@ -151,7 +151,7 @@ impl Drive {
         Frame::of_eight(self.id(), self.form, data)
     }
 
-    /// Drive side: decodes the instruction in a frame.
+    /// Decodes the instruction in a frame that the drive has received.
     ///
     /// # Errors
     /// Returns an error if the frame is for another drive, has the wrong length, or ends in an unknown code.
@@ -169,7 +169,7 @@ impl Drive {
         Ok(Instruction::Command(self.fields.command(u64::from_be_bytes(*data))))
     }
 
-    /// Drive side: returns the frame of an answer. Values that have no field in the `reply` format of the
+    /// Returns the frame with which the drive answers. Values that have no field in the `reply` format of the
     /// drive are omitted.
     pub fn answer(&self, feedback: &Feedback) -> Frame {
         let motion = self.fields.pack_motion(feedback.position, feedback.velocity, feedback.torque);

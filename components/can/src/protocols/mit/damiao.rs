@@ -103,7 +103,7 @@ impl Request {
         Frame::classic(EVERYBODY, &[self.node, 0, WRITE, self.register as u8, a, b, c, d])
     }
 
-    /// Drive side: decodes the register and number of a write request.
+    /// Decodes the register and number of a write request that the drive has received.
     ///
     /// # Errors
     /// Returns an error if the frame does not write a supported register, or addresses another drive.
@@ -120,13 +120,13 @@ impl Request {
         Ok((Self { node, register: Register::OverCurrent }, number))
     }
 
-    /// Drive side: returns the drive's answer to a write request, with the identifier `master`. The answer
-    /// echoes the data of the request.
+    /// Returns the drive's answer to a write request, with the identifier `master`. The answer echoes the
+    /// data of the request.
     pub fn changed(&self, master: Id, number: f64) -> Frame {
         Frame::classic(master, self.change(number).data())
     }
 
-    /// Drive side: decodes the read request in a frame to all drives.
+    /// Decodes a read request that the drive has received in a frame to all drives.
     ///
     /// # Errors
     /// Returns an error if the frame does not read a supported register, or addresses another drive.
@@ -142,7 +142,7 @@ impl Request {
         Ok(Self { node, register: Register::from_code(register)? })
     }
 
-    /// Drive side: returns the drive's answer to a read request: `value`, with the identifier `master`.
+    /// Returns the drive's answer to a read request: `value`, with the identifier `master`.
     pub fn answer(&self, master: Id, value: Value) -> Frame {
         let bytes = match value {
             Value::Watchdog(time) => {

@@ -249,7 +249,7 @@ impl Node {
         }
     }
 
-    /// Drive side: decodes the message in a frame.
+    /// Decodes a message that the drive has received.
     ///
     /// # Errors
     /// Returns an error if the frame is for another drive, is not a message to a drive, has the wrong length,
@@ -307,7 +307,7 @@ impl Node {
         })
     }
 
-    /// Drive side: returns the frame of a report.
+    /// Returns the frame with which the drive sends a report.
     pub fn report_frame(self, report: &Report) -> Frame {
         let words = |a: [u8; 4], b: [u8; 4]| [a[0], a[1], a[2], a[3], b[0], b[1], b[2], b[3]];
         let floats = |a: f64, b: f64| words((a as f32).to_le_bytes(), (b as f32).to_le_bytes());

@@ -237,7 +237,7 @@ impl Node {
         Frame::classic(Id::Standard(0x000), &[command as u8, self.0])
     }
 
-    /// Node side: decodes the command in a frame for this node or for all nodes.
+    /// Decodes a network management command that the node has received, for this node or for all nodes.
     ///
     /// # Errors
     /// Returns an error if the frame is not a network management command, is for another node, or has an
@@ -258,7 +258,7 @@ impl Node {
         found.ok_or(DecodeError::Field { field: "the network command", found: command.into() })
     }
 
-    /// Node side: returns the heartbeat frame.
+    /// Returns the frame with which the node sends its heartbeat.
     pub fn heartbeat_frame(self, state: NetworkState) -> Frame {
         Frame::classic(self.id(0x700), &[state as u8])
     }
@@ -286,7 +286,7 @@ impl Node {
         Ok(Emergency { code: u16::from_le_bytes([low, high]), register })
     }
 
-    /// Node side: returns the frame of an emergency message.
+    /// Returns the frame with which the node sends an emergency message.
     pub fn emergency_frame(self, emergency: &Emergency) -> Frame {
         let [low, high] = emergency.code.to_le_bytes();
         Frame::classic(self.id(0x080), &[low, high, emergency.register, 0, 0, 0, 0, 0])
@@ -303,7 +303,7 @@ impl Node {
         Frame::classic(self.id(0x200), &[c0, c1, a, b, c, d])
     }
 
-    /// Node side: decodes the setpoints in a frame.
+    /// Decodes the setpoints in a frame that the node has received.
     ///
     /// # Errors
     /// Returns an error if the frame does not contain setpoints for this node, or if its length does not
@@ -319,7 +319,7 @@ impl Node {
         Ok(Setpoint { controlword: word(c0, c1), target: i32::from_le_bytes([a, b, c, d]) })
     }
 
-    /// Node side: returns the frame of process data.
+    /// Returns the frame with which the node sends process data.
     pub fn process_frame(self, process: &Process) -> Frame {
         match *process {
             Process::Position { statusword, position } => {

@@ -170,7 +170,7 @@ impl Node {
         Frame::classic(self.id(0x600), &[command, low, high, object.subindex, a, b, c, d])
     }
 
-    /// Node side: decodes the requested service.
+    /// Decodes a service request that the node has received.
     ///
     /// # Errors
     /// Returns an error if the frame is not a service for this node, is not expedited, or has reserved bits
@@ -185,7 +185,7 @@ impl Node {
         }
     }
 
-    /// Node side: returns the frame that answers a service with the value of a read, or with an abort code.
+    /// Returns the frame with which the node answers a service: the value of a read, or an abort code.
     pub fn service_answer(self, service: &Service, answer: Result<Value, u32>) -> Frame {
         let (of, answer) = match (*service, answer) {
             (Service::Read(of) | Service::Write(of, _), Err(code)) => (of, (0x80, code.to_le_bytes())),
