@@ -1,7 +1,7 @@
 //! The discrete algebraic Riccati equation and the linear-quadratic regulator.
 //!
-//! For `x_(k+1) = A x_k + B u_k` and the cost `sum x' Q x + u' R u`, with `Q` positive semi-definite and `R`
-//! positive definite:
+//! The regulator minimises the cost `sum x' Q x + u' R u` of the system `x_(k+1) = A x_k + B u_k`, with `Q`
+//! positive semi-definite and `R` positive definite:
 //!
 //! ```text
 //! P = A' P A - A' P B (R + B' P B)^-1 B' P A + Q        K = (R + B' P B)^-1 B' P A        u = -K x
