@@ -1,4 +1,5 @@
-//! Publisher for inbound topics, for programs that know only the layout, such as `motorium topic pub`.
+//! Publisher for inbound topics. It serves programs that know only the layout of a topic, such as
+//! `motorium topic pub`.
 
 use core::cell::Cell;
 

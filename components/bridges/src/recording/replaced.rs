@@ -87,9 +87,9 @@ pub fn replayed(recording: &Recording, live: &[String], episode: Option<u64>) ->
 }
 
 /// Extends a plan so that robots move to the start pose before the replay and come to rest after the last
-/// command. The replay is delayed by `lead` for the approach; `ramp_down` is the time to come to rest. This
-/// applies to each robot with a live actuator that follows recorded joint commands, if a live component
-/// measures the robot's joint state. Returns the names of the components with eased commands.
+/// command. The replay is delayed by `lead` for the approach; `ramp_down` is the time to come to rest. The
+/// plan is extended for each robot with a live actuator that follows recorded joint commands, if a live
+/// component measures the robot's joint state. Returns the names of the components with eased commands.
 pub fn ease_in(plan: &mut Plan, live: &[String], lead: TimeSpan, ramp_down: TimeSpan) -> Vec<String> {
     let is_live = |index: usize| live.contains(&plan.components[index].name);
     let is_followed = |topic: usize| {
