@@ -45,8 +45,8 @@ pub enum FdSearch {
     },
 }
 
-/// Finds the devices on a bus. It reads the registers of Damiao drives, which has no side effects, and
-/// listens for the heartbeats of ODrives and CANopen nodes. `pass` advances time on the bus by the given
+/// Finds the devices on a bus. The function reads the registers of Damiao drives, which has no side effects,
+/// and listens for the heartbeats of ODrives and CANopen nodes. `pass` advances time on the bus by the given
 /// duration.
 ///
 /// If `has_errors` is given, the function then searches for moteus drives, by reading their registers with

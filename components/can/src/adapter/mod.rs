@@ -4,7 +4,7 @@
 //! Damiao drive reports its ranges and its watchdog), then polled for its state while disabled. It is then
 //! enabled together with all others, and follows commands. The adapter trips if a drive is silent for three
 //! cycles, reports a fault or disables itself. From then on all drives are damped or disabled until
-//! [`Adapter::resume`].
+//! [`Adapter::resume`] is called.
 //!
 //! Answers carry no sequence number, and an answer that is exactly one cycle late looks like a timely one. A
 //! drive that has missed a cycle and answers again therefore receives no frame for one cycle. If an answer

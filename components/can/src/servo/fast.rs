@@ -1,5 +1,5 @@
 //! Common packet with which protocol 2.0 servos jointly answer a fast read. The first servo starts the
-//! packet, and each one appends its share after the previous servo's.
+//! packet, and each further servo appends its share.
 
 use super::{EVERYBODY, LONGEST, Protocol, STATUS, Status, Writer, crc_from};
 use crate::frame::DecodeError;

@@ -1,4 +1,4 @@
-//! slcan: buses behind an adapter on a serial line, in user space.
+//! Buses behind an slcan adapter on a serial line, in user space.
 //!
 //! An adapter such as a CANable with slcan firmware appears as a serial line (`/dev/ttyACM0`) that carries
 //! frames as lines of text. [`write()`] and [`Reader`] are the codec. A [`SlcanBus`] is a bus over such a

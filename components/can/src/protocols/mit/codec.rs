@@ -30,7 +30,7 @@ pub enum Reply {
     /// Six bytes: device ID, position, velocity, torque.
     MiniCheetah,
     /// Eight bytes: the six bytes of [`MiniCheetah`](Self::MiniCheetah), an unused byte, and the supply
-    /// voltage, scaled to 40 V.
+    /// voltage in a byte whose largest value represents 40 V.
     MiniCheetahVoltage,
     /// Eight bytes: the six bytes of [`MiniCheetah`](Self::MiniCheetah), the temperature (signed, degrees
     /// Celsius), and the error code.

@@ -43,7 +43,8 @@ impl Object {
     pub const RATED_CURRENT: Self = Self { index: 0x6075, subindex: 0 };
     /// Time between two setpoints, as a number of units.
     pub const INTERPOLATION_UNITS: Self = Self { index: 0x60c2, subindex: 1 };
-    /// Power of ten of the unit of [`INTERPOLATION_UNITS`](Self::INTERPOLATION_UNITS), in seconds.
+    /// Exponent of the unit of [`INTERPOLATION_UNITS`](Self::INTERPOLATION_UNITS): the unit is this power of
+    /// ten, in seconds.
     pub const INTERPOLATION_EXPONENT: Self = Self { index: 0x60c2, subindex: 2 };
     /// Supported modes of operation, one bit each.
     pub const SUPPORTED_MODES: Self = Self { index: 0x6502, subindex: 0 };
