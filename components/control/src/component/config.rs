@@ -66,8 +66,8 @@ with_defaults! {
     /// Duration of the linear ramp after a change of a gain or weight. A task is faded in if its weight
     /// becomes nonzero, and faded out if it becomes 0. Default 200 ms; 0 applies changes immediately.
     pub task_ramp: TimeSpan = TimeSpan { ns: 200_000_000 };
-    /// Policy for contradictory constraints. Used only without `inverse_dynamics`, which has its own key.
-    /// Default "hold".
+    /// Policy for contradictory constraints. Used only without `inverse_dynamics`, which has its own key
+    /// `on_infeasible`. Default "hold".
     pub on_infeasible: Option<InfeasiblePolicy> = None;
 }
 

@@ -60,7 +60,7 @@ with_defaults! {
     /// torques as a feed-forward).
     pub impedance: Option<f64> = None;
     /// Initial period in which the drives hold their positions with full kp and kd in addition to the
-    /// torques. During this period their actuators leave the safe state. The gains then ramp down to
+    /// torques. During this period the actuators leave the safe state. The gains then ramp down to
     /// `impedance` within half of that period. Default 600 ms.
     pub stiff_start: TimeSpan = TimeSpan { ns: 600_000_000 };
     /// Friction model of all contacts. Default "pyramid".

@@ -1,4 +1,4 @@
-//! The robot of a controller, and its state measured by topics.
+//! The robot of a controller, and its state read from topics.
 
 use motorium::component::RunClock;
 use motorium::prelude::*;

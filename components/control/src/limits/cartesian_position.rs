@@ -9,7 +9,7 @@ use crate::RobotState;
 /// Maximum speed of a frame's return from beyond a plane \[m/s\].
 const RECOVERY: f64 = 0.01;
 
-/// Keeps the origin `p` of a frame within half-spaces `n' p <= d` of the world, less a margin:
+/// Keeps the origin `p` of a frame within half-spaces `n' p <= d` of the world, reduced by a margin:
 ///
 /// ```text
 /// n' J_v v  <=  min(rate, 1/dt) (d - margin - n' p)               m/s, at least -0.01

@@ -27,8 +27,8 @@ pub enum Supported {
 }
 
 /// Keeps the centre of mass `c` of the robot, or its capture point, above the convex hull of points on the
-/// ground, less a margin. For each edge of the hull, with its outward unit normal `n` and its offset `d = n'
-/// p`,
+/// ground, reduced by a margin. For each edge of the hull, with its outward unit normal `n` and its offset
+/// `d = n' p`,
 ///
 /// ```text
 /// n' J_com v  <=  rate max(d - margin - n' c, 0)       x and y of the world; rate of the centre of mass, 1/s
@@ -106,7 +106,7 @@ impl SupportLimit {
         }
     }
 
-    /// Returns the outward normals of the edges and the offsets of the edges along them \[m\].
+    /// Returns the edges, each as its outward normal and its offset along this normal \[m\].
     pub fn edges(&self) -> &[(Vector2<f64>, f64)] {
         &self.edges
     }

@@ -45,7 +45,7 @@ impl CentreOfMassSettings {
 /// W = weight diag(shares)
 /// ```
 ///
-/// (the task of OpenSoT, Pink and TSID). Links fixed to the world are ignored.
+/// OpenSoT, Pink and TSID have the same task. Links fixed to the world are ignored.
 ///
 /// ```
 /// use motorium_control::{RobotState, tasks::{CentreOfMassTask, VelocityTask}};

@@ -1,4 +1,4 @@
-//! Tasks for contact forces: minimum, or target tracking.
+//! Tasks that minimise contact forces, or make them follow a target.
 
 use motorium_robots::Model;
 use nalgebra::Vector3;

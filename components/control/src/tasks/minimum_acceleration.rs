@@ -29,7 +29,7 @@ impl AccelerationMinimum {
         Self { weight: 1e-2, shares: vec![1.0; model.nv()], cost: Cost::identity(0, model.nv()) }
     }
 
-    /// Sets the weight factor of one acceleration; zero leaves it free.
+    /// Sets the weight factor of one acceleration; zero leaves this acceleration free.
     ///
     /// # Panics
     /// If `acceleration` is out of range.

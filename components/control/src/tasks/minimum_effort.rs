@@ -1,4 +1,4 @@
-//! Moves the joints towards configurations in which the robot's weight loads its drives less.
+//! Moves the joints towards configurations in which the robot's weight loads the drives less.
 
 use motorium_robots::{Dynamics, Model};
 use nalgebra::Vector3;

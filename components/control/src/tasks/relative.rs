@@ -53,9 +53,9 @@ impl RelativeSettings {
 /// W = diag(p, p, p, o, o, o)
 /// ```
 ///
-/// (Pink's relative frame task). A [geometric](PoseError::Geometric) error is in the axes of `a`. With the
-/// vector `d` from `a` to `b`, the velocities `v`, `w` of both frames, and their accelerations `v'`, `w'` for
-/// zero joint accelerations,
+/// Pink's relative frame task is the same. A [geometric](PoseError::Geometric) error is in the axes of `a`.
+/// With the vector `d` from `a` to `b`, the velocities `v`, `w` of both frames, and their accelerations `v'`,
+/// `w'` for zero joint accelerations,
 ///
 /// ```text
 /// e    = (p* - R_a' d, log(R* R_ab'))
