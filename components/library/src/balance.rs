@@ -11,8 +11,8 @@ const FLOOR: f64 = 0.1;
 
 impl MotionLibrary {
     /// Returns a library of the same movements whose first `n` eigenforces minimise the *mean* error instead
-    /// of the mean square, so that the eigenforces are less sensitive to outliers. This library must not be
-    /// truncated; `truncation` sets the number of eigenforces of the result.
+    /// of the mean square error, so that the eigenforces are less sensitive to outliers. This library must
+    /// not be truncated; `truncation` sets the number of eigenforces of the result.
     ///
     /// The method is iterative reweighting. `r_k` is the error that `n` eigenforces leave in movement `k`, in
     /// the metric of the library. The next eigenforces are computed from the movements scaled by

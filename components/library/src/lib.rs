@@ -6,7 +6,7 @@
 //!
 //! | | |
 //! |---|---|
-//! | recognised | `w = U_n^T f`; `w` identifies it, `\|f - U_n w\| / \|f\|` is its novelty |
+//! | recognised | `w = U_n^T f`; `w` identifies the movement, `\|f - U_n w\| / \|f\|` is its novelty |
 //! | generated | `f = U_n w`, followed by the spring from any start, to any goal, in any duration |
 //! | blended | `w = sum a_k w_k`, with start and goal blended alike, since the model is linear |
 //!
