@@ -2,9 +2,9 @@
 //!
 //! The state `s = (t, c, k, v)` of the whole robot consists of the rotation vector `t` of its base relative
 //! to the reference, the position `c` and velocity `v` of its centre of mass, and the angular momentum `k`
-//! about it, all in world axes. This state depends only on the contact forces `f_i` at the points `p_i`, not
-//! on the joints. With the mass `m`, the inertia `I` about the centre of mass in the current posture, and the
-//! angular velocity `w*` of the reference,
+//! about the centre of mass, all in world axes. This state depends only on the contact forces `f_i` at the
+//! points `p_i`, not on the joints. With the mass `m`, the inertia `I` about the centre of mass in the
+//! current posture, and the angular velocity `w*` of the reference,
 //!
 //! ```text
 //! t' = I^-1 k - w*          c' = v          k' = sum (p_i - c) x f_i          v' = sum f_i / m + g

@@ -7,8 +7,8 @@
 //!
 //! - [`WheelBase`] converts the velocity of a base to speeds and angles of its wheels, and wheel rotations to
 //!   the displacement of the base.
-//! - [`WheelDrive`] controls the wheels to a velocity within their limits of speed, acceleration and
-//!   steering.
+//! - [`WheelDrive`] moves the wheels towards a velocity of the base, within their limits of speed,
+//!   acceleration and steering.
 //! - [`RobotWheels`] turns the velocity of a robot's base into the setpoints of all its joints.
 //! - [`Odometry`] integrates the displacement. It assumes rolling without slip, along an arc between two
 //!   samples; only the covariance models slip.

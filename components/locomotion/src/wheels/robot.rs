@@ -1,4 +1,4 @@
-//! The wheels of a robot: from the velocity of its base to the setpoints of all its joints.
+//! Conversion of the velocity of a robot's base to the setpoints of all its joints.
 
 use motorium_robots::{
     Dynamics, Gains, Kinematics, MobileBase, Model, Profile, ProfileError, Steering, UnknownFrame,
