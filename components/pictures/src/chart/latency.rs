@@ -1,4 +1,4 @@
-//! Latency against percentile, both on scales that show the tail, as SVG.
+//! Latency against percentile as SVG, on scales that show the tail.
 
 use std::fmt::Write as _;
 
@@ -28,8 +28,8 @@ const NEAR: f64 = 0.7;
 /// The latencies of one measurement.
 #[derive(Clone, Debug)]
 pub struct Latencies<'a> {
-    /// Name of the measurement; its beginning selects the family: `floor.`, `peer.`, `iceoryx2.`, else
-    /// motorium.
+    /// Name of the measurement; its beginning selects the family: `floor.`, `peer.`, `iceoryx2.`, or motorium
+    /// for any other name.
     pub name: &'a str,
     /// Text of the label.
     pub what: &'a str,
