@@ -1,4 +1,4 @@
-//! The joints that move a frame, and its largest distance from the base of its robot.
+//! Joints that move a frame, and the largest distance of the frame from the base of the robot.
 
 use motorium_robots::{FrameId, JointKind, Model};
 use nalgebra::Vector3;

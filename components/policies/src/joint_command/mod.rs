@@ -1,4 +1,4 @@
-//! Joint commands of a policy: configuration, ports, gains, and the joints that it moves.
+//! Joint commands of a policy: configuration, ports, gains, and the moved joints.
 
 mod writer;
 

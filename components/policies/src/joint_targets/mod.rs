@@ -28,11 +28,11 @@ use source::{Actions, Chunks, PatternActions, Source};
 /// A policy that commands the joints of a robot from the newest action of another policy, or from chunks of
 /// actions.
 ///
-/// The joints of the policy are found by name; joints that it does not command hold their initial positions.
-/// An action is followed while it is younger than `hold`. Afterwards the joints ease to the default pose,
-/// hold, or receive no more commands. If the policy has a pattern, its actions command a pattern generator,
-/// which moves the joints. With limits, setpoints keep their velocity and acceleration limits even if actions
-/// change abruptly; chunks always use limits.
+/// The joints of the policy are found by name; joints that the policy does not command hold their initial
+/// positions. An action is followed while it is younger than `hold`. Afterwards the joints ease to the
+/// default pose, hold, or receive no more commands. If the policy has a pattern, its actions command a
+/// pattern generator, which moves the joints. With limits, setpoints keep their velocity and acceleration
+/// limits even if actions change abruptly; chunks always use limits.
 #[derive(Debug)]
 pub struct JointTargetsPolicy {
     writer: JointCommandWriter,

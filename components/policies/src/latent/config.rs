@@ -28,8 +28,8 @@ pub struct LatentPolicyConfig {
     /// the model must be a function of the human's pose.
     #[schemars(extend("format" = "path"))]
     pub model: String,
-    /// Path of a recorded movement of the human, relative to the graph file. Its channels must be the columns
-    /// of the human's space. Default: poses arrive through the port `human`.
+    /// Path of a recorded movement of the human, relative to the graph file. The channels of the movement
+    /// must be the columns of the human's space. Default: poses arrive through the port `human`.
     #[serde(default)]
     #[schemars(extend("format" = "path"))]
     pub motion: Option<String>,
