@@ -1,4 +1,4 @@
-//! Primitives in files.
+//! Files that store movement primitives.
 
 use std::path::{Path, PathBuf};
 

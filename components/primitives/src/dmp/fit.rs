@@ -12,9 +12,9 @@ use super::settings::{ModelError, Scaling, Settings, Variant};
 /// Regression method for the weights.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Regression {
-    /// Least squares on the forcing term with the penalty `lambda |w|^2`, over all kernels together. The
-    /// default, with `lambda = 1e-12`. For the same number of kernels, ridge regression fits far more closely
-    /// than locally weighted regression.
+    /// Least squares on the forcing term with the penalty `lambda |w|^2`, over all kernels together. This is
+    /// the default, with `lambda = 1e-12`. For the same number of kernels, ridge regression fits far more
+    /// closely than locally weighted regression.
     Ridge {
         /// Penalty, at least 0.
         lambda: f64,

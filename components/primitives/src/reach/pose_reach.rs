@@ -26,9 +26,9 @@ pub enum ReachPhase {
 /// Motion of an end effector from its current pose through a sequence of goals. The sequence optionally
 /// repeats from the first goal.
 ///
-/// Each segment consists of a [`DiscreteDmp`] for the position and an [`OrientationDmp`], both with the
-/// quintic goal. The end effector starts at rest without acceleration and rests at the goal exactly at the
-/// end of the duration. A fitted shape arrives within its fit error, which decays during the dwell. Each
+/// Each segment consists of a [`DiscreteDmp`] for the position and an [`OrientationDmp`], both of the variant
+/// with a quintic goal. The end effector starts at rest without acceleration and rests at the goal exactly at
+/// the end of the duration. A fitted shape arrives within its fit error, which decays during the dwell. Each
 /// segment continues position, velocity and acceleration of the previous segment, so the motion has no
 /// discontinuities.
 ///

@@ -25,11 +25,11 @@ impl DiscreteDmp {
 
     /// Changes the goal during a movement. Position and velocity stay continuous.
     ///
-    /// A variant with a quintic goal also keeps the acceleration continuous. It plans a new polynomial from
-    /// the current state to the end of the movement. If less than [`REPLANNING_TIME`] of the duration
-    /// remains, the polynomial lasts that long and the end is postponed. In the other variants the
-    /// acceleration changes in a step by `K / T^2` times the change of the goal, unless `goal_rate` filters
-    /// the goal.
+    /// A variant with a quintic goal also keeps the acceleration continuous. Such a variant plans a new
+    /// polynomial from the current state to the end of the movement. If less than [`REPLANNING_TIME`] of the
+    /// duration remains, the polynomial lasts for that part of the duration, and the end is postponed. In the
+    /// other variants the acceleration changes in a step by `K / T^2` times the change of the goal, unless
+    /// `goal_rate` filters the goal.
     ///
     /// # Errors
     /// [`MoveError`] if the length is wrong, or a number is not finite.
