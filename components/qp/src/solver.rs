@@ -26,6 +26,6 @@ pub trait QpSolver: Send {
     /// Returns the number of iterations of the last solve, successful or not.
     fn iterations(&self) -> u32;
 
-    /// Discards the previous solution. The next solve gives bitwise the same result as a new solver.
+    /// Discards the previous solution. The next solve gives the same result as a new solver, bit for bit.
     fn reset(&mut self);
 }

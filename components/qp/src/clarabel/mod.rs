@@ -167,7 +167,7 @@ impl ClarabelSolver {
     }
 
     /// Calls `visit` with each active inequality and cone. A constraint is active if its scaled multiplier
-    /// exceeds its scaled distance to `x`. An interior-point method leaves neither at zero.
+    /// exceeds its scaled distance to `x`. An interior-point method leaves neither quantity at exactly zero.
     pub fn visit_active(&self, visit: &mut dyn FnMut(Constraint)) {
         let found = &self.solver.solution;
         let (first, linear) = (self.structure.equality_count(), self.layout.linear_count());

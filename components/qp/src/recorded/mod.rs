@@ -15,8 +15,8 @@
 //!
 //! A matrix whose numbers are all single-precision values counts as recorded in single precision, and its
 //! rounding is tolerated. `P` may have negative curvature and may differ from its transpose by n times the
-//! spacing of single precision (1.2e-7) relative to its largest number; in double precision by 1e-9. Rows of
-//! `A` that are dependent within this tolerance are treated as exactly dependent.
+//! spacing of single precision (1.2e-7) relative to its largest number. In double precision, the tolerance is
+//! 1e-9. Rows of `A` that are dependent within this tolerance are treated as exactly dependent.
 
 mod precision;
 mod replay;
