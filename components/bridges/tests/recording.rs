@@ -174,7 +174,7 @@ fn a_truncated_file_is_read_up_to_the_damage_and_repaired() {
     // no file is created without content
     let nothing = folder.path().join("nothing.mcap");
     for (length, expected) in
-        [(0, "it is empty"), (8, "cut off after 8 bytes"), (60, "cut off after 60 bytes")]
+        [(0, "the file is empty"), (8, "cut off after 8 bytes"), (60, "cut off after 60 bytes")]
     {
         std::fs::write(&file, &bytes[..length]).unwrap();
         let refused = recover(&file, &nothing).unwrap_err().to_string();

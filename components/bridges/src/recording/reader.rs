@@ -47,7 +47,7 @@ fn describe(error: &McapError) -> String {
 
 /// Returns the reason for rejecting a file that ends after `bytes`, before its first message.
 fn cut_off(bytes: usize) -> String {
-    format!("it is cut off after {bytes} bytes, before the first message")
+    format!("the file is cut off after {bytes} bytes, before the first message")
 }
 
 /// Refuses a file without a record between its header and its end.
@@ -265,7 +265,7 @@ pub(super) fn map_file(path: &Path) -> Result<Mmap, ReadError> {
         return Err(io(std::io::Error::other(format!("it is {found}, expected the file of a recording"))));
     }
     if metadata.len() == 0 {
-        return Err(ReadError::Missing { path: path.to_path_buf(), reason: "it is empty".to_string() });
+        return Err(ReadError::Missing { path: path.to_path_buf(), reason: "the file is empty".to_string() });
     }
     let file = File::open(path).map_err(io)?;
     // SAFETY: recordings are written once. Truncating a mapped file terminates the program, with no other
