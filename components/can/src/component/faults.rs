@@ -40,7 +40,7 @@ pub struct FaultConfig {
 pub enum FaultKind {
     /// The drive does not answer; it still receives its commands.
     Silent,
-    /// The drive answers late, after the additional `delay`.
+    /// The drive delays each answer by the additional time `delay`.
     Late,
     /// The drive's answers lack their last byte.
     WrongLength,

@@ -40,7 +40,7 @@ impl Problem {
     pub(super) fn advice(&self) -> &'static str {
         match self {
             Self::TooWeak(TooWeak { moment: Moment::OnTheWay, .. }) => {
-                "raise `effort`, start from the other side, or use `order` to home it later, when other joints support its weight"
+                "raise `effort`, start from the other side, or home this joint later (`order`), when other joints support its weight"
             }
             Self::TooWeak(_) => "raise `effort`, or choose the stop at the other end",
             Self::TooHard(_) => {

@@ -103,7 +103,7 @@ fn answers(file: &mut File, within: Duration, count: usize) -> Vec<Line> {
 }
 
 /// Returns the version reported by an slcan adapter on a serial line; `None` if the adapter does not answer.
-/// If the adapter sends frames but no version, the text is "it reports no version".
+/// If the adapter sends frames but no version, the returned text is "it reports no version".
 ///
 /// # Errors
 /// Returns an error if the line does not exist or cannot be opened.

@@ -115,7 +115,7 @@ impl OpenError {
                 }
                 io::ErrorKind::ResourceBusy => "stop the program that uses the line: `sudo fuser -v` shows this program".into(),
                 io::ErrorKind::InvalidInput => {
-                    "choose a bitrate that the adapter supports, and check that no other program has opened its channel".into()
+                    "choose a bitrate that the adapter supports, and check that no other program uses the adapter".into()
                 }
                 _ => "check that it is a serial line: `ls /dev/serial/by-id` lists the available ones".into(),
             },

@@ -55,7 +55,7 @@ pub struct DriveSimulationConfig {
     /// Stages of individual joints, by joint name. They replace the stages of `actuator`.
     #[serde(default)]
     pub actuators: BTreeMap<String, ActuatorTable<TimeSpan>>,
-    /// Drives with settings that differ from the table.
+    /// Drives with settings that differ from the drive table.
     #[serde(default)]
     pub set: Vec<SettingConfig>,
     /// Scripted faults, each with its start time.
@@ -63,7 +63,7 @@ pub struct DriveSimulationConfig {
     pub faults: Vec<FaultConfig>,
 }
 
-/// Settings of a drive that differ from the table.
+/// Settings of a drive that differ from the drive table.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SettingConfig {

@@ -62,7 +62,7 @@ impl Reply {
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Drive {
-    /// ID of the drive, which is the identifier of its commands.
+    /// ID of the drive. Commands to the drive have this identifier.
     pub node: u8,
     /// Identifier of the drive's answers.
     pub reply_id: Id,

@@ -96,7 +96,7 @@ pub enum InputMode {
 pub enum Instruction {
     /// Disables the drive immediately. The drive then reports an error.
     EmergencyStop,
-    /// Requests a state.
+    /// Requests a state of the axis.
     SetState(AxisState),
     /// Sets control mode and input mode.
     SetModes(ControlMode, InputMode),
@@ -132,7 +132,7 @@ pub enum Instruction {
 /// Message from a drive.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Report {
-    /// Heartbeat.
+    /// Periodic message with the errors and the state of the axis.
     Heartbeat {
         /// Error flags of the axis; 0 without an error.
         error: u32,

@@ -1,4 +1,4 @@
-//! moteus: registers over CAN FD.
+//! Protocol of moteus drives: registers over CAN FD.
 //!
 //! A frame consists of subframes. Each subframe writes or queries consecutive registers in one of four
 //! resolutions. Positions are in turns of the output. If no command arrives within the time specified in the
