@@ -148,7 +148,7 @@ impl WrenchConfig {
         in_range(&key("wrench.min_force"), cone.min_force, 0.0..=1e9)?;
         in_range(&key("wrench.max_yaw"), cone.max_yaw, 0.0..=f64::INFINITY)?;
         if cone.max_force.is_nan() || cone.max_force <= cone.min_force {
-            let message = format!("{} N, with a min_force of {} N", cone.max_force, cone.min_force);
+            let message = format!("{} N, but `min_force` is {} N", cone.max_force, cone.min_force);
             return Err(ConfigError::key(key("wrench.max_force"), message)
                 .advise("set `max_force` above `min_force`"));
         }

@@ -1,4 +1,4 @@
-//! Limits of combinations of velocities.
+//! Limits on linear combinations of the velocities of a robot.
 
 use motorium_qp::Problem;
 use nalgebra::{DMatrix, Isometry3};

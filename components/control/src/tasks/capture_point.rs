@@ -13,7 +13,7 @@ use super::target::TargetInput;
 use crate::inverse_dynamics::{AccelerationTask, InverseDynamics};
 use crate::{GoalTolerance, MotionState, RobotState};
 
-/// Minimum height of the centre of mass above the contacts \[m\]; lower heights are raised to it.
+/// Minimum height of the centre of mass above the contacts \[m\]; lower heights are raised to this minimum.
 const LOWEST: f64 = 0.05;
 
 /// Moves the capture point `k`, where the robot would have to step to come to rest, to a point `k*` on the

@@ -65,7 +65,7 @@ impl TaskKind for MinimumConfig {
         match self.of {
             MinimumOf::Velocity | MinimumOf::Effort => context.rate(self.rate).map(drop)?,
             _ if self.rate.is_some() => {
-                let message = "it has no effect on a quantity other than `velocity` and `effort`";
+                let message = "this key has no effect on a quantity other than `velocity` and `effort`";
                 return Err(ConfigError::key(context.key("rate"), message).advise("leave it out"));
             }
             _ => {}

@@ -62,7 +62,7 @@ impl MinimumVelocityTask {
         self.equation.rate.fill(0.0);
     }
 
-    /// Sets the weight factor of one velocity; zero leaves it free.
+    /// Sets the weight factor of one velocity; zero leaves this velocity free.
     ///
     /// # Panics
     /// If `velocity` is out of range.
