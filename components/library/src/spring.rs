@@ -1,5 +1,5 @@
-//! The sampled spring of the movements: it maps a path to forces and forces to the path, as exact inverses of
-//! each other.
+//! The sampled spring of the movements, which maps a path to forces and forces to a path. The two maps are
+//! exact inverses.
 
 use serde::{Deserialize, Serialize};
 
