@@ -8,8 +8,8 @@ use nalgebra::Vector3;
 pub(crate) struct Reach {
     /// Position of that joint in the world, m.
     anchor: Vector3<f64>,
-    /// Sum of the lengths of the links from there, including the largest displacements of prismatic joints,
-    /// m.
+    /// Sum of the lengths of the links from that joint, including the largest displacements of prismatic
+    /// joints, m.
     length: f64,
 }
 

@@ -67,7 +67,10 @@ impl StartPose {
             "joint state, for the start pose of the end effector and the time of each step",
         );
         if loaded.model.base().floating {
-            declare.input::<BaseState>("base_state", "pose of the base, for the pose of the end effector");
+            declare.input::<BaseState>(
+                "base_state",
+                "pose of the base, needed to compute the pose of the end effector",
+            );
         }
         Ok(())
     }

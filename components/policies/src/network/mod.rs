@@ -39,7 +39,7 @@ pub struct NetworkPolicy {
     targets: JointTargets,
     inputs: Inputs,
     output: Output<Action>,
-    /// Target velocity of the base, for a policy that commands it.
+    /// Target velocity of the base, for a policy that commands the base.
     twist: Option<Output<TwistTarget>>,
     default_command: ParameterArray,
     config: NetworkPolicyConfig,
