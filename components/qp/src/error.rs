@@ -132,7 +132,9 @@ pub enum SolveError {
         conflict: Conflict,
     },
     /// The cost decreases forever along a direction that no constraint blocks.
-    #[error("unbounded: the cost decreases forever along variable {variable}; regularise it or bound it")]
+    #[error(
+        "unbounded: the cost decreases forever along variable {variable}; regularise or bound this variable"
+    )]
     Unbounded {
         /// The variable that changes most along that direction.
         variable: usize,
