@@ -54,7 +54,7 @@ pub enum CalibrationError {
         joint: String,
     },
     /// A joint moved.
-    #[error("joint `{joint}` moved by {spread:.3} rad or m while it was measured: hold it still")]
+    #[error("joint `{joint}` moved by {spread:.3} rad or m while it was measured: hold the joint still")]
     Moved {
         /// Name of the joint.
         joint: String,
