@@ -170,7 +170,7 @@ fn one_or_all_episodes_are_replayed_and_verified() {
     );
     let none = motorium(&["replay", text(&file), "--episode", "3"]);
     let said = String::from_utf8_lossy(&none.stderr).into_owned();
-    assert!(said.contains("it has no episode 3; it has 3, counted from 0"), "{said}");
+    assert!(said.contains("the recording has no episode 3; it has 3, counted from 0"), "{said}");
 
     assert_eq!(verified(&file, &[]).0, Some(0));
     let (code, said) =

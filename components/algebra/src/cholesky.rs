@@ -5,11 +5,11 @@ use pulp::Arch;
 use super::Simd;
 use super::tiles::{COLUMNS, Factor, Gram, InvertTriangle, ROWS, SolveColumns};
 
-/// Error of a matrix that is not positive definite.
+/// Error returned when a matrix to factorise is not positive definite.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[error("the matrix is not positive definite: pivot {row} of {size} is {pivot:e}, expected more than 0")]
 pub struct NotPositiveDefinite {
-    /// Row of the pivot, from 0.
+    /// Index of the pivot's row, counted from 0.
     pub row: usize,
     /// Number of rows of the matrix.
     pub size: usize,
@@ -19,7 +19,7 @@ pub struct NotPositiveDefinite {
 
 /// The upper triangular factor `U` of `A = U^T U`, in reusable storage.
 ///
-/// Sums have a fixed order. Nothing allocates while the matrix fits the capacity.
+/// Sums are computed in a fixed order. No method allocates while the matrix fits the capacity.
 ///
 /// ```
 /// use motorium_algebra::Cholesky;
@@ -146,8 +146,8 @@ impl Cholesky {
         self.arch.dispatch(Gram { triangle, factor, subtracted, out, stride, n });
     }
 
-    /// Solves `A x = b` in place for several right-hand sides, stored one after the other. Faster than
-    /// [`solve`](Self::solve) from about four right-hand sides on.
+    /// Solves `A x = b` in place for several right-hand sides, stored one after the other. With about four or
+    /// more right-hand sides, this is faster than calling [`solve`](Self::solve) for each of them.
     ///
     /// # Panics
     /// If the length of `x` is not a multiple of the number of rows.

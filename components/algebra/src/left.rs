@@ -11,21 +11,21 @@ pub enum Wanted {
     All,
     /// At most this number of singular vectors.
     Rank(usize),
-    /// The smallest number that leaves at most this fraction of the energy (the sum of the squared singular
-    /// values).
+    /// The smallest number of vectors that leaves at most this fraction of the matrix's energy (the sum of
+    /// the squared singular values) to the omitted vectors.
     Residual(f64),
 }
 
 /// Left singular vectors and singular values of a matrix.
 #[derive(Clone, Debug)]
 pub struct LeftSingular {
-    /// Orthonormal left singular vectors, one per column. There are fewer than requested if the remaining
-    /// singular values are within rounding.
+    /// Orthonormal left singular vectors, one per column. Vectors whose singular values do not exceed
+    /// rounding errors are omitted, even if they were requested.
     pub vectors: DMatrix<f64>,
     /// Singular values of these vectors, in descending order.
     pub values: Vec<f64>,
-    /// All singular values, in descending order. Values without a vector are accurate to about 1e-13 of the
-    /// largest.
+    /// All singular values, in descending order. A value without a vector has an error of about 1e-13 times
+    /// the largest value.
     pub spectrum: Vec<f64>,
     /// Sum of the squares of all entries of the matrix.
     pub energy: f64,
@@ -38,11 +38,12 @@ const ROUNDING: f64 = 1e-15;
 
 /// Computes the leading left singular vectors of a matrix.
 ///
-/// The Gram matrix of the shorter side contains squares and resolves singular values `s` only to
-/// `eps s_1^2 / s`. Therefore only vectors with `s >= 1e-3 s_1` are computed from it. The matrix is then
-/// projected onto the complement, where the next vectors are computed in the same way until enough are found.
+/// The vectors are computed from the Gram matrix of the matrix's shorter side. A Gram matrix contains
+/// squares, so it resolves a singular value `s` only to `eps s_1^2 / s`, where `s_1` is the largest singular
+/// value. Therefore only vectors with `s >= 1e-3 s_1` are computed from it. The matrix is then projected onto
+/// the complement of these vectors, and the next vectors are computed in the same way until enough are found.
 /// All singular values with a vector are accurate to a few `eps s_1`, as with a direct method. A tall matrix
-/// is first reduced to its triangle (QR).
+/// is first reduced to its triangular factor by a QR decomposition.
 pub fn left_singular(matrix: &DMatrix<f64>, wanted: Wanted) -> LeftSingular {
     let (rows, columns) = matrix.shape();
     if rows == 0 || columns == 0 {

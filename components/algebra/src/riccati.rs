@@ -1,14 +1,14 @@
 //! The discrete algebraic Riccati equation and the linear-quadratic regulator.
 //!
-//! For `x_(k+1) = A x_k + B u_k` and the cost `sum x' Q x + u' R u`, with `Q` positive semi-definite and `R`
-//! positive definite:
+//! The regulator minimises the cost `sum x' Q x + u' R u` of the system `x_(k+1) = A x_k + B u_k`, with `Q`
+//! positive semi-definite and `R` positive definite:
 //!
 //! ```text
 //! P = A' P A - A' P B (R + B' P B)^-1 B' P A + Q        K = (R + B' P B)^-1 B' P A        u = -K x
 //! ```
 //!
-//! The remaining cost from `x` is `x' P x`. The steady state of a Kalman filter is the dual problem:
-//! [`solve`] with `A'`, `H'`, the process noise and the measurement noise.
+//! The cost from the state `x` to the end is `x' P x`. The steady-state Kalman filter is the dual problem:
+//! call [`solve`] with `A'`, `H'`, and the covariances of the process noise and the measurement noise.
 //!
 //! ```
 //! use motorium_algebra::riccati::lqr;
@@ -24,7 +24,7 @@
 
 use nalgebra::DMatrix;
 
-/// Error of an equation that is invalid or has no stabilising solution.
+/// Error returned when a Riccati equation is invalid or has no stabilising solution.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum RiccatiError {
     /// A matrix has the wrong size.
@@ -55,7 +55,7 @@ pub enum RiccatiError {
 pub struct Regulator {
     /// Gain `K`, inputs x states.
     pub gain: DMatrix<f64>,
-    /// Matrix `P` of the cost `x' P x` that remains from the state `x`, before this step's input.
+    /// Matrix `P` of the cost-to-go `x' P x`, where `x` is the state before this step's input.
     pub cost: DMatrix<f64>,
 }
 
@@ -71,9 +71,9 @@ const RESIDUAL: f64 = 1e-8;
 /// Returns the stabilising solution `P` of the discrete algebraic Riccati equation.
 ///
 /// Uses the structure-preserving doubling algorithm (Chu, Fan, Lin and Wang, *Int. J. Control* 77(8), 2004):
-/// each iteration doubles the horizon of the cost, so it converges quadratically. The function allocates;
-/// call it outside the control loop. Modes that do not decay must be controllable and have a cost. Otherwise
-/// the cost of a longer horizon does not converge to the stabilising solution.
+/// each iteration doubles the horizon of the cost, so the algorithm converges quadratically. The function
+/// allocates; call it outside the control loop. Modes that do not decay must be controllable and have a cost.
+/// Otherwise the cost of a longer horizon does not converge to the stabilising solution.
 ///
 /// # Errors
 /// [`RiccatiError`] if the matrices are invalid or no stabilising solution was found.
@@ -129,7 +129,7 @@ pub fn lqr(
     Ok(Regulator { gain, cost })
 }
 
-/// Returns the optimal regulator of each of `steps` steps, the first step first, computed by the backward
+/// Returns one optimal regulator for each of `steps` steps, in time order. They are computed by the backward
 /// Riccati recursion. `last` is the matrix of the terminal cost.
 ///
 /// # Errors

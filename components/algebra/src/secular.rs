@@ -5,7 +5,7 @@ use nalgebra::DMatrix;
 /// Eigenvalues, in ascending order, and orthonormal eigenvectors of `diag(d) + z z^T`.
 #[derive(Clone, Debug)]
 pub struct RankOne {
-    /// Eigenvalues, ascending.
+    /// Eigenvalues, in ascending order.
     pub values: Vec<f64>,
     /// Eigenvectors, one per column, in the order of the values.
     pub vectors: DMatrix<f64>,
@@ -14,9 +14,10 @@ pub struct RankOne {
 /// Solves the eigenproblem of `diag(d) + z z^T`, with `d` in ascending order.
 ///
 /// The eigenvalues are the roots of `1 + sum(z_j^2 / (d_j - x)) = 0`, one between each pair of neighbouring
-/// entries of `d`. An entry `d_j` is itself an eigenvalue if `z_j` is negligible; so are all but one of
-/// several equal entries (deflation). The vectors are computed from the `z` for which the computed roots are
-/// exact (Gu and Eisenstat), so they are orthogonal to rounding even for very close roots.
+/// entries of `d`. An entry `d_j` is itself an eigenvalue if `z_j` is negligible; among equal entries, all
+/// but one are eigenvalues (deflation). The eigenvectors are computed from a slightly changed `z`, for which
+/// the computed roots are exact (Gu and Eisenstat). They are therefore orthogonal to rounding even for very
+/// close roots.
 ///
 /// # Panics
 /// If `d` and `z` differ in length.

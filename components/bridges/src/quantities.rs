@@ -1,4 +1,4 @@
-//! Quantities of the fields of built-in types: units, and names of the entries of their arrays.
+//! Units and entry names for the fields of built-in topic types.
 
 use motorium::plan::Plan;
 
@@ -181,8 +181,8 @@ const TABLE: &[(&str, &[Row])] = &[
     ("Event", &[("value", "", NONE)]),
 ];
 
-/// Returns the unit and entry names of a field of a built-in type. `None` for other types and for integer
-/// fields.
+/// Returns the unit and entry names of a field of a built-in type. Returns `None` for types that are not
+/// built in, and for integer fields.
 pub fn quantity(type_name: &str, field: &str) -> Option<Quantity> {
     let type_name = type_name.strip_prefix("motorium.")?;
     let (_, fields) = TABLE.iter().find(|(name, _)| *name == type_name)?;

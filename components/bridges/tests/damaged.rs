@@ -91,7 +91,7 @@ fn a_recording_of_nothing_is_neither_replayed_nor_verified() {
     std::fs::write(&file, &bytes[..first]).unwrap();
     let nothing = Recording::open(&file).unwrap();
     let error = recording::replayed(&nothing, &[], None).unwrap_err().to_string();
-    assert!(error.contains("it contains no samples to replay"), "{error}");
+    assert!(error.contains("the recording contains no samples to replay"), "{error}");
     let error = verify(&nothing, &registry(), &Options::inline(), &[]).unwrap_err().to_string();
-    assert!(error.contains("it contains no samples to compare"), "{error}");
+    assert!(error.contains("the recording contains no samples to compare"), "{error}");
 }

@@ -139,7 +139,7 @@ fn real_time_episodes_are_exported_one_by_one() {
     assert!(whole.episodes.is_none() && last.episodes.is_none());
     assert!(whole.duration_ns.unwrap() > 2 * last.duration_ns.unwrap(), "{whole:?}");
     let missing = replayed(&recording, &[], Some(3)).unwrap_err().to_string();
-    assert!(missing.contains("it has no episode 3; it has 3"), "{missing}");
+    assert!(missing.contains("the recording has no episode 3; it has 3"), "{missing}");
 }
 
 #[test]
@@ -174,7 +174,7 @@ fn a_truncated_file_is_read_up_to_the_damage_and_repaired() {
     // no file is created without content
     let nothing = folder.path().join("nothing.mcap");
     for (length, expected) in
-        [(0, "it is empty"), (8, "cut off after 8 bytes"), (60, "cut off after 60 bytes")]
+        [(0, "the file is empty"), (8, "cut off after 8 bytes"), (60, "cut off after 60 bytes")]
     {
         std::fs::write(&file, &bytes[..length]).unwrap();
         let refused = recover(&file, &nothing).unwrap_err().to_string();

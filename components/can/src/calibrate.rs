@@ -10,11 +10,12 @@ use crate::table::{Table, TableError};
 /// Calibrated offset of a drive whose joint was held in a known pose.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Calibrated {
-    /// Joint.
+    /// Name of the joint.
     pub joint: String,
-    /// Mean measured position with the table's offset, rad or m.
+    /// Mean of the measured positions, computed with the offset in the table, rad or m.
     pub position: f64,
-    /// Calibrated offset, with which the joint reads its position in the pose, rad or m.
+    /// Calibrated offset, rad or m. With this offset, the measured position equals the joint's position in
+    /// the pose.
     pub offset: f64,
     /// Offset in the table before calibration, rad or m.
     pub before: f64,
@@ -24,7 +25,7 @@ pub struct Calibrated {
     pub answers: u64,
 }
 
-/// Error of measuring offsets.
+/// Error returned when the offsets cannot be measured.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum CalibrationError {
     /// The robot and the table do not match.
@@ -35,7 +36,7 @@ pub enum CalibrationError {
         "another program commands the drive of `{joint}`: stop that program, because calibration disables all drives"
     )]
     Commanded {
-        /// Joint of the drive.
+        /// Name of the joint that the drive moves.
         joint: String,
     },
     /// A setting of the drive differs from the table, so its positions may be wrong.
@@ -53,11 +54,11 @@ pub enum CalibrationError {
         joint: String,
     },
     /// A joint moved.
-    #[error("joint `{joint}` moved by {spread:.3} rad or m while it was measured: hold it still")]
+    #[error("joint `{joint}` moved by {spread:.3} rad or m while it was measured: hold the joint still")]
     Moved {
-        /// Joint.
+        /// Name of the joint.
         joint: String,
-        /// Difference between its largest and smallest position, rad or m.
+        /// Difference between the largest and the smallest measured position of the joint, rad or m.
         spread: f64,
     },
 }
@@ -73,7 +74,7 @@ const STILL: f64 = 0.05;
 
 /// Measures the offsets of all drives for `time` while the robot is held at `pose` \[rad or m\], which has
 /// one position per joint in `joints`. Homed drives are skipped, and no drive is enabled. `buses` are in the
-/// order of the table. `pass` advances time on them and returns the current time, ns.
+/// order of the table. `pass` advances time on the buses and returns the current time, ns.
 ///
 /// # Errors
 /// Returns an error if another program commands a drive, or if a drive has a setting that differs from the

@@ -33,7 +33,7 @@ pub struct Database {
     mask: u32,
 }
 
-/// Error of reading a database.
+/// Error returned when a database cannot be read.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum DatabaseError {
     /// The text is not a DBC file.
@@ -270,7 +270,10 @@ fn signals(file: &Dbc, message: &can_dbc::Message) -> Result<Vec<Signal>, (Strin
         let mut switch: Option<(usize, Vec<RangeInclusive<u64>>)> = None;
         for entry in extended {
             let Some(at) = place(&entry.multiplexor_signal_name) else {
-                return refuse(format!("no signal `{}` switches it", entry.multiplexor_signal_name));
+                return refuse(format!(
+                    "its multiplexer `{}` is not a signal of the message",
+                    entry.multiplexor_signal_name
+                ));
             };
             let ranges = entry.mappings.iter().map(|values| values.min_value..=values.max_value);
             match &mut switch {
@@ -303,10 +306,13 @@ fn signals(file: &Dbc, message: &can_dbc::Message) -> Result<Vec<Signal>, (Strin
         };
         let bytes = usize::try_from(message.size).unwrap_or(usize::MAX).min(64);
         if signal.end() > 8 * bytes {
-            return refuse(format!("{bits} bits from bit {}, beyond {bytes} bytes", signal.start));
+            return refuse(format!(
+                "its {bits} bits from bit {} on exceed the {bytes} bytes of the message",
+                signal.start
+            ));
         }
         if signal.factor == 0.0 {
-            return refuse("its factor is 0, expected another number".into());
+            return refuse("its factor is 0, expected a number other than 0".into());
         }
         Ok(signal)
     };

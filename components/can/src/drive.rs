@@ -19,7 +19,8 @@ pub struct Command {
 }
 
 impl Command {
-    /// Returns the torque of this command at a position \[rad\] and velocity \[rad/s\], without limits, N m.
+    /// Returns the torque \[N m\] that this command demands at a position \[rad\] and a velocity \[rad/s\],
+    /// without limits.
     ///
     /// ```
     /// use motorium_can::drive::Command;
@@ -162,7 +163,7 @@ impl Ranges {
     }
 }
 
-/// Reference of a drive's position.
+/// Zero point of the positions that a drive reports.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[repr(u8)]
 pub enum PositionReference {

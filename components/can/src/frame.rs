@@ -120,7 +120,7 @@ impl Frame {
     }
 
     /// Creates a frame of any form; `None` if the form does not support the number of bytes. CAN FD supports
-    /// 0 to 8, 12, 16, 20, 24, 32, 48 and 64.
+    /// 0 to 8, 12, 16, 20, 24, 32, 48 and 64 bytes.
     pub fn new(id: Id, form: Form, data: &[u8]) -> Option<Self> {
         let length = data.len();
         let is_length =
@@ -174,7 +174,7 @@ impl fmt::Debug for Frame {
     }
 }
 
-/// Error of decoding a frame.
+/// Error returned when a frame cannot be decoded.
 ///
 /// ```
 /// use motorium_can::{DecodeError, Frame, Id, mit};
@@ -185,7 +185,7 @@ impl fmt::Debug for Frame {
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum DecodeError {
-    /// The frame has another identifier.
+    /// The identifier of the frame is not the expected one.
     #[error("the frame has the identifier {found}, expected {expected}")]
     Id {
         /// Identifier found.
@@ -193,7 +193,7 @@ pub enum DecodeError {
         /// Identifier expected.
         expected: Id,
     },
-    /// The frame comes from another device with the same identifier.
+    /// The frame has the expected identifier, but comes from an unexpected device.
     #[error("the frame comes from device {found}, expected {expected}")]
     Device {
         /// Device named in the data.
@@ -229,7 +229,7 @@ pub enum DecodeError {
         /// Field.
         field: &'static str,
     },
-    /// The frame answers a request for another register or object.
+    /// The frame answers a request for a register or object other than the requested one.
     #[error("the answer concerns register or object 0x{found:X}, expected 0x{expected:X}")]
     Answer {
         /// Register or object in the answer.
@@ -240,7 +240,7 @@ pub enum DecodeError {
     /// The device refused the request.
     #[error("the device refused: code 0x{code:08X}")]
     Refused {
-        /// Code of the device.
+        /// Code with which the device refused the request.
         code: u32,
     },
 }

@@ -4,8 +4,7 @@
 //! vocabulary. [`bus`] contains the bits and durations of frames, a simulated bus with arbitration and error
 //! states, kernel interfaces ([`SocketBus`]), serial adapters ([`SlcanBus`]), and lines of serial servos
 //! ([`ServoBus`]). A [`Table`] assigns drives to joints. [`Adapter`] implements the logic that commands the
-//! drives. [`AnySimulatedDrive`] simulates a drive at the other end of the bus. All of these can be used
-//! without the runtime.
+//! drives. [`AnySimulatedDrive`] simulates a drive on a bus. All of these can be used without the runtime.
 //!
 //! Only the graph components [`CanAdapter`] (`can.adapter`) and [`DriveSimulation`] (`can.drive_sim`) depend
 //! on the runtime.

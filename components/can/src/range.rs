@@ -2,8 +2,9 @@
 
 /// Range of the numbers that a field of a frame represents.
 ///
-/// A field of `n` bits contains `(x - min) (2^n - 1) / (max - min)`, rounded to the nearest integer. Zero in
-/// the middle of a range is rounded down. Numbers outside the range are clamped.
+/// A field of `n` bits contains `(x - min) (2^n - 1) / (max - min)`, rounded to the nearest integer. In a
+/// symmetric range, zero is midway between two integers and is rounded down. Numbers outside the range are
+/// clamped.
 ///
 /// ```
 /// use motorium_can::Range;

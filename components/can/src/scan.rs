@@ -45,8 +45,9 @@ pub enum FdSearch {
     },
 }
 
-/// Finds the devices on a bus. It reads the registers of Damiao drives, which has no side effects, and
-/// listens for the heartbeats of ODrives and CANopen nodes. `pass` advances time.
+/// Finds the devices on a bus. The function reads the registers of Damiao drives, which has no side effects,
+/// and listens for the heartbeats of ODrives and CANopen nodes. `pass` advances time on the bus by the given
+/// duration.
 ///
 /// If `has_errors` is given, the function then searches for moteus drives, by reading their registers with
 /// CAN FD frames. `has_errors` returns `true` if the bus has reported an error since it was opened. A node

@@ -1,4 +1,4 @@
-//! Scan for servos on a serial line: numbers, speeds and protocols.
+//! Scan for servos on a serial line, which reports their numbers and protocols.
 
 use core::time::Duration;
 
@@ -13,7 +13,7 @@ pub struct ServoFound {
     pub number: u8,
     /// Protocol of the servo.
     pub protocol: Protocol,
-    /// Model number and firmware version; `None` if not reported. Protocol 2.0 only.
+    /// Model number and firmware version; `None` if not reported. Only servos with protocol 2.0 report them.
     pub model: Option<(u16, u8)>,
     /// Error flags of the servo; 0 without an error.
     pub error: u8,
@@ -28,7 +28,7 @@ const ALL: Duration = Duration::from_millis(300);
 const ONE: Duration = Duration::from_millis(3);
 
 /// Finds the servos on a serial line by pinging each number up to `last`, at the speed with which the line
-/// was opened. Pinging has no side effects. `pass` advances time.
+/// was opened. Pinging has no side effects. `pass` advances time on the line by the given duration.
 ///
 /// ```no_run
 /// use motorium_can::{SERVO_SPEEDS, ServoBus, scan_servos};

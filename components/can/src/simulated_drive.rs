@@ -1,4 +1,4 @@
-//! Simulated drives at the other end of the wire, each with an inner loop, a watchdog and a temperature.
+//! Simulated drives that answer on a bus, each with an inner loop, a watchdog and a temperature.
 
 use crate::SimulatedDrive;
 use crate::frame::{Frame, Id};
@@ -58,8 +58,8 @@ impl AnySimulatedDrive {
         self.0.receive(frame, now_ns, answer);
     }
 
-    /// Observes a frame of another drive, and passes any frame sent in response to `answer`. Servos with a
-    /// common answer send one after the other.
+    /// Observes a frame of another drive, and passes any frame sent in response to `answer`. Servos that
+    /// share one answer packet send their parts of the packet one after the other.
     pub fn observe(&mut self, frame: &Frame, answer: &mut dyn FnMut(Frame)) {
         self.0.observe(frame, answer);
     }

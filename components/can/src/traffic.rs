@@ -32,7 +32,7 @@ pub use listener::{Listener, Sender};
 #[derive(Clone, Debug)]
 pub struct Record(CanDumpRecord);
 
-/// Error of parsing a line.
+/// Error returned when a line of bus traffic cannot be parsed.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{} is not a frame: {message}", excerpt(found))]
 pub struct RecordError {
@@ -123,7 +123,7 @@ fn mistake(frame: &str) -> Option<String> {
         return Some(format!("the identifier 0x{id} is beyond 0x{largest:X}"));
     }
     let (bytes, most, form) = match data.strip_prefix('#') {
-        Some(fd) => (fd.get(1..).unwrap_or_default(), 64, "of CAN FD, behind the digit of its flags,"),
+        Some(fd) => (fd.get(1..).unwrap_or_default(), 64, "of CAN FD (after the digit of its flags)"),
         None => (data, 8, "of classic CAN"),
     };
     if let Some(letter) = no_digit(bytes).filter(|letter| !matches!(letter, 'R' | 'r' | '.')) {
@@ -140,7 +140,10 @@ fn mistake(frame: &str) -> Option<String> {
     }
     let fits = most == 8 || Frame::LENGTHS.contains(&(digits / 2));
     (!fits).then(|| {
-        format!("{} bytes of data, expected 0 to 8, 12, 16, 20, 24, 32, 48 or 64 of CAN FD", digits / 2)
+        format!(
+            "{} bytes of data, expected 0 to 8, 12, 16, 20, 24, 32, 48 or 64 in a frame of CAN FD",
+            digits / 2
+        )
     })
 }
 
@@ -200,7 +203,7 @@ impl Record {
         &self.0.device
     }
 
-    /// Returns the data frame; `None` if the record contains something else.
+    /// Returns the data frame; `None` if the record does not contain one.
     pub fn frame(&self) -> Option<Frame> {
         let form = match &self.0.frame {
             CanAnyFrame::Normal(_) => Form::Classic,
@@ -214,7 +217,7 @@ impl Record {
         Frame::new(id, form, self.0.frame.data())
     }
 
-    /// Returns the controller report; `None` if the record contains something else.
+    /// Returns the controller report; `None` if the record does not contain one.
     pub fn report(&self) -> Option<Report> {
         match &self.0.frame {
             CanAnyFrame::Error(error) => {
@@ -227,7 +230,7 @@ impl Record {
         }
     }
 
-    /// Returns a description of the controller report; `None` if the record contains something else.
+    /// Returns a description of the controller report; `None` if the record does not contain a report.
     pub fn error(&self) -> Option<String> {
         match &self.0.frame {
             CanAnyFrame::Error(error) => Some(error.into_error().to_string().to_lowercase()),
@@ -309,18 +312,18 @@ mod tests {
             (
                 "  can0  123   [3]  11 22",
                 15,
-                "found 2 bytes after `[3]`, expected 3 of two hexadecimal digits",
+                "found 2 bytes after `[3]`, expected 3 bytes of two hexadecimal digits each",
             ),
             (
                 "(1.5)  can0  123   [2]  11 2",
                 20,
-                "found 1 bytes after `[2]`, expected 2 of two hexadecimal digits",
+                "found 1 bytes after `[2]`, expected 2 bytes of two hexadecimal digits each",
             ),
             ("0.5 1 123x Rx d 3 11 22", 1, "expected time, channel, identifier"),
             (
                 "(0.5) can0 123##1112233445566778899",
                 12,
-                "9 bytes of data, expected 0 to 8, 12, 16, 20, 24, 32, 48 or 64 of CAN FD",
+                "9 bytes of data, expected 0 to 8, 12, 16, 20, 24, 32, 48 or 64 in a frame of CAN FD",
             ),
         ] {
             let error = Record::of_log(line).err().unwrap_or_else(|| panic!("{line} is read"));

@@ -6,8 +6,8 @@ use motorium::prelude::*;
 use motorium_robots::{Model, PerJoint};
 use nalgebra::{DVector, Isometry3, Quaternion, Translation3, UnitQuaternion};
 
-/// Returns `value` if it is within `range`. An end of `f64::MIN` or `f64::MAX` means that this side is
-/// unlimited.
+/// Returns `value` if it is within `range`. A bound of `f64::MIN` or `f64::MAX` means that the value is not
+/// limited in this direction.
 ///
 /// # Errors
 /// [`ConfigError`] for `key` if the value is outside `range` or not finite.
@@ -18,7 +18,7 @@ pub fn in_range(key: &str, value: f64, range: RangeInclusive<f64>) -> Result<f64
     let expected = match (*range.start(), *range.end()) {
         (f64::MIN, f64::MAX) => "a finite number".to_owned(),
         (low, f64::MAX) => format!("at least {low}"),
-        (low, high) => format!("from {low} to {high}"),
+        (low, high) => format!("a number from {low} to {high}"),
     };
     Err(ConfigError::key(key, format!("{value}, expected {expected}")))
 }
@@ -26,11 +26,11 @@ pub fn in_range(key: &str, value: f64, range: RangeInclusive<f64>) -> Result<f64
 /// Returns the magnitude of gravity, m/s2, from the key `gravity`, which must act along -z of the world.
 ///
 /// # Errors
-/// [`ConfigError`] for this key if gravity acts along another direction, or its magnitude is not from 0.01 to
-/// 1000.
+/// [`ConfigError`] for this key if gravity does not act along -z, or if its magnitude is outside 0.01 to 1000
+/// m/s2.
 pub fn downward_gravity(gravity: [f64; 3]) -> Result<f64, ConfigError> {
     let [0.0, 0.0, down] = gravity else {
-        let message = format!("{gravity:?}, expected one that acts along -z of the world");
+        let message = format!("{gravity:?}, expected a vector along -z of the world");
         return Err(ConfigError::key("gravity", message));
     };
     Ok(-in_range("gravity[2]", down, -1000.0..=-0.01)?)

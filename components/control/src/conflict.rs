@@ -1,4 +1,4 @@
-//! Names of the constraints of a controller, and the report of contradictory ones.
+//! Names of a controller's constraints, and the report of constraints that contradict each other.
 
 use std::fmt;
 

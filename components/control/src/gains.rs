@@ -2,7 +2,7 @@
 
 use motorium_robots::{Gains, Model};
 
-/// Error of gains that are invalid for the joint drives of the model.
+/// Error returned when gains are invalid for the joint drives of a model.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum GainsError {
     /// The number of entries differs from the number of joints.

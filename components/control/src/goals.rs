@@ -60,7 +60,7 @@ pub struct GoalSummary {
     pub reached: u64,
     /// Number of missed goals.
     pub missed: u64,
-    /// Worst error at any of these goals; `None` if no goal was counted.
+    /// Worst error at any counted goal; `None` if no goal was counted.
     pub worst: Option<GoalError>,
 }
 

@@ -9,18 +9,21 @@
 //!
 //! - [`tasks`] are costs: a frame reaches a pose, the centre of mass reaches a point, an axis points at a
 //!   point, the joints keep a posture. Most tasks work with velocities and accelerations; a [`formulation`]
-//!   turns them into costs. They are combined by weights or in [levels](DifferentialIk::levels) of strict
+//!   turns them into costs. Tasks are combined by weights or in [levels](DifferentialIk::levels) of strict
 //!   priority.
 //! - [`limits`] are bounds: joint position and velocity limits.
-//! - [`DifferentialIk`] assembles both, and a solver of [`motorium_qp`] computes `v`.
+//! - [`DifferentialIk`] combines tasks and limits into the program, and a solver of [`motorium_qp`] computes
+//!   `v`.
 //! - [`SetpointIntegrator`] integrates `v` into a position setpoint that stays within the limits.
 //! - [`FeedForward`] computes the efforts of gravity and inertia that a joint drive adds to its feedback.
 //!
-//! [`inverse_dynamics`] is the equivalent at torque level, with contacts and floating bases.
+//! [`inverse_dynamics`] computes joint torques instead of velocities, for robots with contacts and floating
+//! bases.
 //!
 //! The library works on a [`motorium_robots::Model`], without clock, topics or threads. Construction
 //! allocates all memory; a tick does not allocate. [`QpController`], the component `control.qp`, connects the
-//! library to topics. Components with other controllers share its [`checks`] and the [`measured`] state.
+//! library to topics. The modules [`checks`] and [`measured`] are shared with the components of other
+//! controllers.
 //!
 //! # Example
 //!

@@ -4,7 +4,7 @@
 /// convex limit that all solutions satisfy. Friction, unilateral contacts and torque limits are convex.
 ///
 /// The only task on a level has the same effect with a small weight as with a large one, so reducing its
-/// weight cannot fade it out. Mixing the solutions with and without the task can.
+/// weight cannot fade it out. A mixture of the solutions with and without the task fades the task out.
 ///
 /// ```
 /// use motorium_control::{DifferentialIk, Mixture, RobotState};

@@ -9,7 +9,7 @@ const AT_LIMIT: f64 = 1e-6;
 /// Integrates joint velocities to a setpoint: the commanded joint positions and velocities. The positions are
 /// kept within the position limits.
 ///
-/// A joint that starts outside its limits may stay or return, but never moves farther out.
+/// A joint that starts outside its limits may stay there or return, but never moves farther out.
 #[derive(Clone, Debug)]
 pub struct SetpointIntegrator {
     position: DVector<f64>,

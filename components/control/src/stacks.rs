@@ -1,4 +1,5 @@
-//! Comparison of four task stacks: a posture, a hand, both by weights, and the hand above the posture.
+//! Comparison of four task stacks: a posture task, a Cartesian task, both on one level, and the Cartesian
+//! task on a higher level.
 
 use motorium_robots::{FrameId, Kinematics, Model, Twist};
 use nalgebra::{Isometry3, Vector3};

@@ -1,4 +1,4 @@
-//! Eigenforces for the mean error instead of the mean square.
+//! Eigenforces that minimise the mean error, instead of the mean square error.
 
 use crate::{BuildError, LibraryParts, MotionLibrary, Truncation};
 use motorium_algebra::left_singular;
@@ -11,14 +11,14 @@ const FLOOR: f64 = 0.1;
 
 impl MotionLibrary {
     /// Returns a library of the same movements whose first `n` eigenforces minimise the *mean* error instead
-    /// of the mean square, so that they are less sensitive to outliers. This library must not be truncated;
-    /// `truncation` sets the number of eigenforces of the result.
+    /// of the mean square error, so that the eigenforces are less sensitive to outliers. This library must
+    /// not be truncated; `truncation` sets the number of eigenforces of the result.
     ///
     /// The method is iterative reweighting. `r_k` is the error that `n` eigenforces leave in movement `k`, in
-    /// the metric of the library. The next eigenforces are computed from the movements scaled by `c_k = (r_k
-    /// / median + 0.1)^(-1/2)`. This makes `sum r_k^2 c_k^2` about `sum r_k`. As in any library, a singular
-    /// value is the norm of its eigenforce's weights. The weights of different eigenforces are correlated,
-    /// however, so splitting and merging such a library is approximate.
+    /// the metric of the library. The next eigenforces are computed from the movements scaled by
+    /// `c_k = (r_k / median + 0.1)^(-1/2)`. This makes `sum r_k^2 c_k^2` about `sum r_k`. As in any library,
+    /// a singular value is the norm of its eigenforce's weights. The weights of different eigenforces are
+    /// correlated, however, so splitting and merging a balanced library is approximate.
     ///
     /// # Errors
     /// [`BuildError`] if all movements are at rest.

@@ -1,4 +1,4 @@
-//! Comparable bases for forces.
+//! Bases for the forces of movements, which are compared with each other.
 
 use nalgebra::{DMatrix, DVector};
 

@@ -6,7 +6,7 @@ use motorium_recordings::{Recording, RecordingError, Selection, read_all};
 
 use crate::{Recordings, Trajectory};
 
-/// Error of [`Recordings::read`].
+/// Error returned when [`Recordings::read`] fails.
 #[derive(Debug, thiserror::Error)]
 pub enum DataError {
     /// A file cannot be read.
@@ -15,9 +15,9 @@ pub enum DataError {
     /// There are no files.
     #[error("found no file, expected at least one")]
     NoFile,
-    /// A recording has different degrees of freedom from the first.
+    /// The degrees of freedom of a recording differ from the first recording's.
     #[error(
-        "recording `{id}` of {path} has the degrees of freedom {found}, expected {expected} as in the first: choose common ones by name"
+        "recording `{id}` of {path} has the degrees of freedom {found}, expected {expected} as in the first recording: choose common degrees of freedom by name"
     )]
     Names {
         /// Path of the file or folder with the recording.

@@ -63,8 +63,8 @@ pub(super) fn forces_of(
     (forces, frames)
 }
 
-/// Computes the errors of a basis on recordings: of the forces, and of the paths of the spring under these
-/// forces.
+/// Computes the errors with which a basis approximates recordings: the errors of the forces, and the errors
+/// of the paths that the spring follows under the approximated forces.
 pub fn evaluate(basis: &Basis, recordings: &Recordings, spring: &SampledSpring) -> Evaluation {
     let (forces, _) = forces_of(recordings, spring);
     let left = &forces - basis.approximate(&forces);
@@ -85,7 +85,8 @@ pub fn evaluate(basis: &Basis, recordings: &Recordings, spring: &SampledSpring) 
     }
 }
 
-/// Returns the root mean square, over the samples, of the path that each column of residual forces causes.
+/// Returns one error per column of residual forces: the root mean square, over the samples, of the path that
+/// these forces cause.
 pub fn path_errors(mut left: DMatrix<f64>, dofs: usize, spring: &SampledSpring) -> Vec<f64> {
     let each = spring.forces();
     left.column_iter_mut()

@@ -44,8 +44,8 @@ impl Superposition {
         Self { weights: (0..n).map(mix).collect(), frame: self.frame.towards(&other.frame, part) }
     }
 
-    /// Returns the movement with a new start, goal and duration \[s\], each if given. A new start translates
-    /// the movement, including its goal, before a new goal is set.
+    /// Returns the movement with a new start, goal and duration \[s\]; `None` keeps the current value. A new
+    /// start translates the movement, including its goal, before a new goal is set.
     #[must_use]
     pub fn placed(mut self, start: Option<&[f64]>, goal: Option<&[f64]>, duration: Option<f64>) -> Self {
         if let Some(start) = start {
@@ -67,7 +67,7 @@ impl Superposition {
     }
 }
 
-/// Error of a movement that cannot be started. The current movement continues unchanged.
+/// Error returned when a movement cannot be started. The current movement continues unchanged.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum GenerateError {
     /// There are more weights than eigenforces.

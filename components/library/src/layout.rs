@@ -17,7 +17,7 @@ pub struct Part {
     pub dofs: Vec<usize>,
 }
 
-/// Error of invalid DoFs.
+/// Error returned when the names of degrees of freedom or of body parts are invalid.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum LayoutError {
     /// There are no DoFs.

@@ -6,7 +6,7 @@
 //!
 //! | | |
 //! |---|---|
-//! | recognised | `w = U_n^T f`; `w` identifies it, `\|f - U_n w\| / \|f\|` is its novelty |
+//! | recognised | `w = U_n^T f`; `w` identifies the movement, `\|f - U_n w\| / \|f\|` is its novelty |
 //! | generated | `f = U_n w`, followed by the spring from any start, to any goal, in any duration |
 //! | blended | `w = sum a_k w_k`, with start and goal blended alike, since the model is linear |
 //!
@@ -15,15 +15,15 @@
 //!   into parts of the body and merge parts, without the recordings.
 //! - [`RecursiveLibrary`]: adds a movement or a block of movements to an existing library.
 //! - [`Recogniser`], [`Generator`]: allocation-free recognition and generation for a control loop.
-//! - [`Basis`]: eigenforces, Fourier functions and radial kernels for comparison; [`evaluate`] measures them,
-//!   and [`CrossValidation`] does so over several splits.
+//! - [`Basis`]: eigenforces, Fourier functions and radial kernels for comparison; [`evaluate`] computes their
+//!   errors, and [`CrossValidation`] repeats the comparison over several splits.
 //! - [`file`]: the file format. [`Recordings::read`]: recordings from JSON, JSONL and CSV. [`letters`]:
 //!   synthetic letters.
 //!
 //! **Metric.** The eigenforces of `F` minimise the residual *force*. A residual force early in a movement
-//! shifts the whole path; one near the end shifts hardly any of it. [`Metric::Position`] therefore uses the
-//! singular vectors `u` of the responses `P = G F`, with forces `G^-1 u`, which minimises the residual
-//! *position*.
+//! shifts the whole path; a residual force near the end shifts only a small part of the path.
+//! [`Metric::Position`] therefore uses the singular vectors `u` of the responses `P = G F`, with forces
+//! `G^-1 u`, which minimises the residual *position*.
 //!
 //! Source: Delhaisse, *Learning and control of humanoid robots* (PhD thesis, 2019), chapter 3 and appendix A:
 //! eigenforces, split and merge, recursive decomposition. The response-weighted metric and the exact sampled

@@ -6,7 +6,7 @@ use motorium_algebra::{LeftSingular, left_singular};
 
 use crate::{BuildError, Entry, Frame, Layout, LayoutError, LibraryParts, Metric, MotionLibrary, Truncation};
 
-/// Error of libraries that cannot be merged.
+/// Error returned when libraries cannot be merged.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum MergeError {
     /// There are fewer than two libraries.
@@ -14,12 +14,12 @@ pub enum MergeError {
     TooFew(usize),
     /// The libraries use different springs. Contains the index of the library that differs, from 1.
     #[error(
-        "library {0} differs from the first in its spring, number of samples or interpolation: build both with the same"
+        "library {0} differs from the first in its spring, number of samples or interpolation: build both with the same settings"
     )]
     Spring(usize),
     /// The libraries use different metrics.
     #[error(
-        "library {index} has the metric {found}, expected {expected} as in the first: build both with the same"
+        "library {index} has the metric {found}, expected {expected} as in the first library: build both in the same metric"
     )]
     Metric {
         /// Index of the library, from 1.
@@ -36,7 +36,9 @@ pub enum MergeError {
     #[error(transparent)]
     Build(#[from] BuildError),
     /// The libraries have different DoFs.
-    #[error("library {index} has the degrees of freedom {found}, expected {expected} as in the first")]
+    #[error(
+        "library {index} has the degrees of freedom {found}, expected {expected} as in the first library"
+    )]
     Dofs {
         /// Index of the library, from 1.
         index: usize,
@@ -119,7 +121,7 @@ fn joined_basis(libraries: &[&MotionLibrary]) -> DMatrix<f64> {
 ///
 /// `[F_1, F_2, ...]` has the left singular vectors of `[U_1 S_1, U_2 S_2, ...]`. The result is exact for
 /// libraries that are not truncated. For truncated libraries, the leading eigenforces are nearly exact; the
-/// last ones lack the discarded components.
+/// last eigenforces lack the discarded components.
 ///
 /// # Errors
 /// [`MergeError`] if there are fewer than two libraries, or the libraries do not match.

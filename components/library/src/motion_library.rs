@@ -92,7 +92,7 @@ pub struct MotionLibrary {
     analysis: DMatrix<f64>,
 }
 
-/// Error of building a library.
+/// Error returned when a library cannot be built.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum BuildError {
     /// There are no recordings.
@@ -117,7 +117,7 @@ pub enum BuildError {
     Still,
     /// Some degrees of freedom are at rest in every recording.
     #[error(
-        "{names}: at rest in all recordings, so eigenforces cannot be computed; use recordings in which it moves"
+        "{names}: at rest in all recordings, so eigenforces cannot be computed; use recordings in which these degrees of freedom move"
     )]
     Resting {
         /// Names of these degrees of freedom.

@@ -8,18 +8,19 @@ use motorium_algebra::{Simd, Wanted, eigen_of_rank_one_update, left_singular};
 
 /// A library that is updated with movements one by one or in blocks.
 ///
-/// With `p = U^T x`, `e = x - U p` and `rho = |e|`, the new matrix is `[U, e/rho] [[g S, p], [0, rho]]
-/// [...]^T`. The left singular vectors of the small matrix are the eigenvectors of `diag(g^2 S^2, 0) + [p;
-/// rho] [p; rho]^T`: a secular equation. `g <= 1` is a forgetting factor: after `k` further movements, a
-/// movement has the weight `g^k`. At most `capacity` eigenforces are kept. The last ones are inexact, so set
-/// a capacity of about `2 n + 10` to use `n`. An update costs `O(rows capacity^2)`.
+/// With `p = U^T x`, `e = x - U p` and `rho = |e|`, the new matrix is
+/// `[U, e/rho] [[g S, p], [0, rho]] [...]^T`. The left singular vectors of the small matrix are the
+/// eigenvectors of `diag(g^2 S^2, 0) + [p; rho] [p; rho]^T`: a secular equation. `g <= 1` is a forgetting
+/// factor: after `k` further movements, a movement has the weight `g^k`. At most `capacity` eigenforces are
+/// kept. The last eigenforces are inexact, so set a capacity of about `2 n + 10` to use `n`. An update costs
+/// `O(rows capacity^2)`.
 ///
-/// Singular values below about 1e-7 of the largest are not resolved, because the equation contains their
-/// squares.
+/// Singular values below about 1e-7 times the largest value are not resolved, because the equation contains
+/// their squares.
 ///
 /// Source: Brand, *Fast low-rank modifications of the thin singular value decomposition*, Linear Algebra and
-/// its Applications 415, 2006. Appendix A of Delhaisse (2019) has the covariance form:
-/// [`RecursiveScatter`](super::RecursiveScatter).
+/// its Applications 415, 2006. [`RecursiveScatter`](super::RecursiveScatter) is the covariance form from
+/// appendix A of Delhaisse (2019).
 #[derive(Clone, Debug)]
 pub struct RecursiveLibrary {
     origin: MotionLibrary,

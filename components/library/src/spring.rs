@@ -1,5 +1,5 @@
-//! The sampled spring of the movements: it maps a path to forces and forces to the path, as exact inverses of
-//! each other.
+//! The sampled spring of the movements, which maps a path to forces and forces to a path. The two maps are
+//! exact inverses.
 
 use serde::{Deserialize, Serialize};
 
@@ -50,7 +50,7 @@ impl Interpolation {
 /// Default damping `D = 25`, with the stiffness `K = 156.25`.
 pub const DAMPING: f64 = 25.0;
 
-/// Error of steps that are too long for a stable spring.
+/// Error returned when the damping of a spring is not positive, or its steps are too long to be stable.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[error(
     "found {samples} samples with a damping of {damping}, expected a positive damping and more than {least} samples for stable steps"
@@ -75,7 +75,7 @@ impl SampledSpring {
         Ok(Self { stiffness: 0.25 * damping * damping, damping, samples, interpolation })
     }
 
-    /// Returns the same spring with another interpolation curve for resampling recordings.
+    /// Returns the spring with `interpolation` as the curve on which recordings are resampled.
     #[must_use]
     pub fn with_interpolation(self, interpolation: Interpolation) -> Self {
         Self { interpolation, ..self }

@@ -130,8 +130,8 @@ impl Trajectory {
 
 impl Recordings {
     /// Returns windows of `length` samples of each recording, one every `stride` samples. Windows with a step
-    /// change larger than `leap` between samples are omitted. The label of a window is the recording's; the
-    /// id is the recording's, followed by the index of the window's first sample.
+    /// change larger than `leap` between samples are omitted. A window has the label of its recording, and
+    /// the recording's id followed by the index of the window's first sample.
     #[must_use]
     pub fn windows(&self, length: usize, stride: usize, leap: f64) -> Self {
         let mut trajectories = Vec::new();
@@ -157,8 +157,9 @@ impl Recordings {
         Self { names: self.names.clone(), trajectories }
     }
 
-    /// Splits the movements at random. The first set contains the fraction `share` of all movements (at least
-    /// one if there are two), the second set the others. Equal seeds give equal sets.
+    /// Splits the movements at random. The first set contains the fraction `share` of all movements, and at
+    /// least one movement if there are two or more. The second set contains the remaining movements. Equal
+    /// seeds give equal sets.
     pub fn split(&self, share: f64, seed: u64) -> (Self, Self) {
         let mut order: Vec<&Trajectory> = self.trajectories.iter().collect();
         order.shuffle(&mut Pcg64::seed_from_u64(seed));
@@ -171,8 +172,8 @@ impl Recordings {
         (set(first), set(rest))
     }
 
-    /// Splits the movements by label. Of each label, one in `every` movements, in order, belongs to the
-    /// second set; all others belong to the first set. An `every` below 2 counts as 2.
+    /// Splits the movements by label. For each label, one in `every` movements, in order, belongs to the
+    /// second set; all other movements belong to the first set. An `every` below 2 counts as 2.
     pub fn hold_out(&self, every: usize) -> (Self, Self) {
         let mut counts = std::collections::BTreeMap::<Option<&str>, usize>::new();
         let (mut seen, mut held) = (Vec::new(), Vec::new());

@@ -28,7 +28,7 @@ pub enum GripperEnd {
     Close,
 }
 
-/// Error of a text that is not a gripper goal.
+/// Error returned when a text is not a gripper goal.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("found `{found}`, expected `open`, `close`, or a position of the fingers' joints in rad or m")]
 pub struct GripperTextError {
@@ -49,7 +49,7 @@ impl FromStr for Gripper {
     }
 }
 
-/// Error of a gripper that cannot be commanded.
+/// Error returned when a gripper cannot be commanded.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum GripperError {
     /// There is no unique end effector.
@@ -103,8 +103,8 @@ struct Finger {
 }
 
 impl Fingers {
-    /// Returns the fingers of the end effector with the frame `frame`, or by default of the robot's only end
-    /// effector.
+    /// Returns the fingers of the end effector with the frame `frame`. If `frame` is `None`, the robot's only
+    /// end effector is used.
     ///
     /// # Errors
     /// [`GripperError`] if the end effector does not exist or has no fingers.

@@ -281,8 +281,9 @@ fn named(
         if unknown.len() < recording.names().len() {
             let message = format!("robot `{}` has no joints {}", robot.name, unknown.join(", "));
             let known = loaded.model.joint_names().join(", ");
-            return Err(ConfigError::key(key, message)
-                .advise(format!("name the columns to follow in `joints`; its joints are {known}")));
+            return Err(ConfigError::key(key, message).advise(format!(
+                "name the columns to follow in `joints`; the joints of the robot are {known}"
+            )));
         }
     }
     Ok(loaded.model.joint_names().iter().map(|name| (name.clone(), "joints".to_string())).collect())
@@ -393,8 +394,11 @@ fn primitives(
             }
         };
         if primitive.dimensions() != joints {
-            let message = format!("a primitive of {} dimensions for {joints} joints", primitive.dimensions());
-            return Err(ConfigError::key(&key, message).advise("name the joints it moves in `joints`"));
+            let message = format!(
+                "the primitive has {} dimensions, but {joints} joints are moved",
+                primitive.dimensions()
+            );
+            return Err(ConfigError::key(&key, message).advise("name the joints to move in `joints`"));
         }
         for (v, via) in config.via.iter().enumerate() {
             primitive =
@@ -427,8 +431,8 @@ fn followed(
     let recording = recorded(path, key, names)?;
     let found = recording.names().len();
     if found != names.len() {
-        let message = format!("a recording of {found} columns for {} joints", names.len());
-        return Err(ConfigError::key(key, message).advise("name the joints it moves in `joints`"));
+        let message = format!("the recording has {found} columns, but {} joints are moved", names.len());
+        return Err(ConfigError::key(key, message).advise("name the joints to move in `joints`"));
     }
     Ok(Followed::recording(&recording))
 }

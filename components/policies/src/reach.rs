@@ -1,4 +1,4 @@
-//! The joints that move a frame, and its largest distance from the base of its robot.
+//! Joints that move a frame, and the largest distance of the frame from the base of the robot.
 
 use motorium_robots::{FrameId, JointKind, Model};
 use nalgebra::Vector3;
@@ -8,8 +8,8 @@ use nalgebra::Vector3;
 pub(crate) struct Reach {
     /// Position of that joint in the world, m.
     anchor: Vector3<f64>,
-    /// Sum of the lengths of the links from there, including the largest displacements of prismatic joints,
-    /// m.
+    /// Sum of the lengths of the links from that joint, including the largest displacements of prismatic
+    /// joints, m.
     length: f64,
 }
 

@@ -1,4 +1,4 @@
-//! Primitives in files.
+//! Files that store movement primitives.
 
 use std::path::{Path, PathBuf};
 
@@ -85,7 +85,7 @@ impl Primitive {
     }
 }
 
-/// Error of reading or writing a primitive file.
+/// Error returned when a primitive file cannot be read or written.
 #[derive(Debug, thiserror::Error)]
 pub enum PrimitiveFileError {
     /// The file cannot be read or written.
@@ -97,7 +97,7 @@ pub enum PrimitiveFileError {
         source: std::io::Error,
     },
     /// The file is not a movement primitive.
-    #[error("{}: the file is not a movement primitive; `motorium primitive fit` makes one from recordings", path.display())]
+    #[error("{}: the file is not a movement primitive; `motorium primitive fit` creates primitives from recordings", path.display())]
     Foreign {
         /// Path of the file.
         path: PathBuf,
@@ -111,7 +111,7 @@ pub enum PrimitiveFileError {
         source: serde_json::Error,
     },
     /// The file has an unsupported version.
-    #[error("{}: version {found}, but this program reads version {}: fit it again", path.display(), PrimitiveFile::VERSION)]
+    #[error("{}: version {found}, but this program reads version {}: fit the primitive again", path.display(), PrimitiveFile::VERSION)]
     Version {
         /// Path of the file.
         path: PathBuf,
@@ -153,8 +153,8 @@ impl PrimitiveFile {
     }
 
     /// Creates the file of a rhythm of `period` seconds. Start and start velocity are means over `periods`,
-    /// to which the model was fitted. There must be at least one; each is samples x dimensions, without the
-    /// closing sample.
+    /// to which the model was fitted. `periods` must not be empty; each entry is a matrix of samples x
+    /// dimensions, without the closing sample.
     pub fn rhythmic(names: Vec<String>, period: f64, periods: &[DMatrix<f64>], model: RhythmicModel) -> Self {
         let count = periods.len().max(1) as f64;
         let mean = |value: &dyn Fn(&DMatrix<f64>, usize) -> f64| -> Vec<f64> {
@@ -226,8 +226,8 @@ impl PrimitiveFile {
     /// Reads a file and checks its consistency.
     ///
     /// # Errors
-    /// [`PrimitiveFileError`] if the file cannot be read, is truncated or malformed, has another version, or
-    /// contradicts itself.
+    /// [`PrimitiveFileError`] if the file cannot be read, is truncated or malformed, has an unsupported
+    /// version, or contradicts itself.
     pub fn read(path: &Path) -> Result<Self, PrimitiveFileError> {
         let system = |source| PrimitiveFileError::System { path: path.into(), source };
         // Devices and pipes are rejected: they may never end.

@@ -1,5 +1,5 @@
-//! Models of movements: construct, start, step. Only construction allocates. The crate does not depend on the
-//! runtime.
+//! Models of movements, which are constructed, started and then stepped in a control loop. Only construction
+//! allocates. The crate does not depend on the runtime.
 //!
 //! - [`dmp`]: dynamic movement primitives: discrete, rhythmic, with a final velocity, and for orientations.
 //! - [`promp`]: probabilistic movement primitives.

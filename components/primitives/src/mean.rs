@@ -34,8 +34,9 @@ impl<M: MeanMovement + ?Sized> MeanMovement for Box<M> {
 
 /// A follower that executes the mean of a movement over time. Only [`new`](Self::new) allocates.
 ///
-/// The initial difference in position and velocity decays on a quintic over the first part of the movement,
-/// so the transition to the mean is smooth. To pass a given position later, condition the movement.
+/// The initial difference in position and velocity decays along a quintic polynomial over the first part of
+/// the movement, so the transition to the mean is smooth. To pass a given position later, condition the
+/// movement.
 ///
 /// ```
 /// use motorium_primitives::mean::MeanRunner;

@@ -78,7 +78,7 @@ pub struct Trajectory {
     pub deviation: Option<Vec<Vec<f64>>>,
 }
 
-/// Error of [`roll_out`].
+/// Error returned when [`roll_out`] cannot sample a primitive.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum RolloutError {
     /// The kind of primitive does not support the override.
@@ -163,7 +163,7 @@ pub fn roll_out(
 /// each.
 ///
 /// # Errors
-/// Same as [`roll_out`].
+/// [`RolloutError`] in the same cases as [`roll_out`].
 pub fn reproduce(
     file: &PrimitiveFile,
     demonstrations: &[(f64, DMatrix<f64>)],

@@ -1,6 +1,6 @@
 //! Invalid numbers, vectors and matrices: errors shared by all models.
 
-/// Error of a value that is out of range, has the wrong size, or is not finite.
+/// Error returned when a value is out of range, has the wrong size, or is not finite.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ValueError {
     /// A number is outside the valid range of the equations.

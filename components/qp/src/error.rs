@@ -31,7 +31,7 @@ impl fmt::Display for Constraint {
 /// The constraints with the largest multipliers in a certificate of infeasibility, strongest first.
 ///
 /// A certificate is a combination of constraints that no `x` satisfies. The constraints with the largest
-/// multipliers (after scaling each row to unit size) are the ones to relax.
+/// multipliers (after scaling each row to unit size) are the candidates for relaxation.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Conflict {
     constraints: [Option<Constraint>; Self::CAPACITY],
@@ -68,7 +68,7 @@ impl fmt::Display for Conflict {
     }
 }
 
-/// Invalid problem data.
+/// Error returned when problem data are invalid.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum UpdateError {
     /// A matrix or vector does not have the size required by the structure.
@@ -120,17 +120,21 @@ pub enum UpdateError {
     },
 }
 
-/// Error of a solve that found no solution.
+/// Error returned when a solve finds no solution.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum SolveError {
     /// No `x` satisfies the constraints.
-    #[error("infeasible: no x satisfies all constraints; conflict between {conflict}; relax one of them")]
+    #[error(
+        "infeasible: no x satisfies all constraints; conflict between {conflict}; relax one of these constraints"
+    )]
     Infeasible {
         /// The constraints that contradict each other.
         conflict: Conflict,
     },
     /// The cost decreases forever along a direction that no constraint blocks.
-    #[error("unbounded: the cost decreases forever along variable {variable}; regularise it or bound it")]
+    #[error(
+        "unbounded: the cost decreases forever along variable {variable}; regularise or bound this variable"
+    )]
     Unbounded {
         /// The variable that changes most along that direction.
         variable: usize,

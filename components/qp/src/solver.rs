@@ -13,8 +13,8 @@ pub trait QpSolver: Send {
     /// Replaces the problem data by `problem`.
     ///
     /// # Errors
-    /// [`UpdateError`] if the problem has another structure or invalid data. The problem data are then
-    /// unspecified; update again before solving.
+    /// [`UpdateError`] if the structure of the problem differs from the structure of the solver, or if its
+    /// data are invalid. The problem data are then unspecified; update again before solving.
     fn update(&mut self, problem: &Problem) -> Result<(), UpdateError>;
 
     /// Solves the problem of the last update.
@@ -26,6 +26,6 @@ pub trait QpSolver: Send {
     /// Returns the number of iterations of the last solve, successful or not.
     fn iterations(&self) -> u32;
 
-    /// Discards the previous solution. The next solve gives bitwise the same result as a new solver.
+    /// Discards the previous solution. The next solve gives the same result as a new solver, bit for bit.
     fn reset(&mut self);
 }

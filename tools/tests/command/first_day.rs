@@ -211,7 +211,7 @@ fn wrong_files_and_untimed_recordings_are_reported() {
         (&["library", "inspect", &letters][..], "not a motion library: it begins with `{\\\"durati`"),
         (
             &["primitive", "show", &letters],
-            "the file is not a movement primitive; `motorium primitive fit` makes one",
+            "the file is not a movement primitive; `motorium primitive fit` creates primitives",
         ),
         (&["primitive", "fit", &untimed, "--output", output], "by `--rate HZ`"),
         (

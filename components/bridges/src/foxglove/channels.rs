@@ -1,4 +1,4 @@
-//! Channels of the topics of a plan.
+//! Foxglove channels for the topics of a graph's plan.
 
 use motorium::declare::TopicPattern;
 use motorium::plan::Plan;
@@ -17,12 +17,12 @@ pub struct Channel {
     pub content: Content,
 }
 
-/// Content of the messages of a channel.
+/// Content of the messages of a channel: exact samples, or drawings for viewers.
 #[derive(Debug, Clone)]
 pub enum Content {
     /// All fields and the stamp of each sample.
     Exact(Derived),
-    /// One of Foxglove's messages, for viewers.
+    /// A drawing for viewers, in one of Foxglove's message types.
     Drawn(Box<Drawing>),
 }
 
@@ -43,9 +43,9 @@ impl Channel {
         }
     }
 
-    /// Returns the plan index of the form topic: the topic that describes this topic's samples, such as an
-    /// image format. Its samples must be passed to [`note`](Self::note). `None` if the samples need no
-    /// description.
+    /// Returns the plan index of the form topic, or `None` if the samples need no description. The form topic
+    /// describes the samples of the channel's topic, such as their image format. Pass its samples to
+    /// [`note`](Self::note).
     pub fn form_topic(&self) -> Option<usize> {
         match &self.content {
             Content::Exact(_) => None,

@@ -22,7 +22,7 @@ const PACKAGE_VERSION: &str = "v1";
 /// The schema of `motorium.JointState` is `motorium.v1.JointState`, where `v1` is the version of the
 /// derivation rule. Field 1 is the stamp. The fields of the layout follow in order from 2, so a field keeps
 /// its number while its position in the type is unchanged. Arrays of numbers are packed, arrays of bytes are
-/// `bytes`, and UTF-8 bytes named `text` are a `string`. Of a counted array, only the used entries are
+/// `bytes`, and UTF-8 bytes named `text` are a `string`. Only the used entries of a counted array are
 /// written. In field names `.` becomes `__`, and `[3]` becomes `_3`.
 ///
 /// ```
@@ -99,7 +99,7 @@ impl Derived {
     /// beyond the count are zero.
     ///
     /// # Errors
-    /// Returns an error if the message is damaged or of another type.
+    /// Returns an error if the message is damaged, or is not a message of this type.
     pub fn decode(&self, mut message: &[u8]) -> Result<(Stamp, Vec<u8>), DerivedError> {
         let damaged = |field: Option<&str>| DerivedError::Message {
             schema: self.schema.name.clone(),

@@ -50,11 +50,11 @@ enum Kind {
     Event(String),
 }
 
-/// The sample cannot be drawn.
+/// Error returned when a sample cannot be drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum DrawnError {
     /// The sample is truncated, or longer than its type.
-    #[error("the sample has {0} bytes, but its type has another size")]
+    #[error("the sample has {0} bytes, which is not the size of its type")]
     Size(usize),
     /// The joint state has fewer joints than the robot.
     #[error("the joint state has fewer joints than the robot")]

@@ -25,8 +25,8 @@ pub struct Description {
     pub topic: String,
     /// URDF text of the robot: the text of its file, or a conversion of its MJCF.
     pub text: String,
-    /// URDF text for viewers that open a recorded file and therefore cannot request `meshes`. Collision
-    /// shapes replace those meshes.
+    /// URDF text for viewers of a recorded file, which cannot request `meshes`. In this text, collision
+    /// shapes replace the meshes.
     pub plain: String,
     /// MJCF text of the robot's file; `None` if the file is not MJCF.
     pub mjcf: Option<String>,
@@ -144,8 +144,9 @@ fn load_with_base(
     source.load_with(options)
 }
 
-/// Returns the robot to which the arrays of a topic belong: the writer's robot, or else the robot of a
-/// reader. `None` if neither has one.
+/// Returns the robot that the arrays of a topic describe: the robot of the component that writes the topic.
+/// If the writer has no robot, the robot of a component that reads the topic is used. Returns `None` if
+/// neither the writer nor a reader has a robot.
 ///
 /// For a component with several robots, the port `ROBOT.PORT` to which the topic is wired determines the
 /// robot.
@@ -173,8 +174,8 @@ fn robot_of<'p>(
 }
 
 /// Returns the names of the joints to which the arrays of a topic belong, followed by the names of the
-/// rotors. The robot is the writer's, or else a reader's. `None` if neither has a robot, or if the robot's
-/// file has changed.
+/// rotors. The robot is the one that [`robot_of_topic`] returns. Returns `None` if there is no such robot, or
+/// if its file has changed.
 pub fn joints_of_topic(plan: &Plan, index: usize) -> Option<Vec<String>> {
     robot_of_topic(plan, index).and_then(|robot| load(robot).ok()).map(|loaded| joint_names(&loaded))
 }

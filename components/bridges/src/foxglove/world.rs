@@ -24,10 +24,10 @@ const PLANE: [f64; 3] = [6.0, 6.0, 0.002];
 /// Opacity of the plane, so that objects below it stay visible.
 const THROUGH: f64 = 0.6;
 
-/// Returns the coloured world of a plan as a scene: its schema and its message, a [`SceneUpdate`]. `None` if
-/// the plan has no world.
+/// Returns the world of a plan, with its colours, as a scene for viewers: a schema, and a message of type
+/// [`SceneUpdate`]. Returns `None` if the plan has no world.
 ///
-/// A moving object has its own frame, named after the object, if a topic provides its pose.
+/// If a topic provides the pose of a moving object, the object has its own frame, named after the object.
 ///
 /// ```
 /// # fn of(plan: &motorium::plan::Plan) {

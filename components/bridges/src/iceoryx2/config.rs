@@ -8,7 +8,8 @@ use motorium::units::{Rate, TimeSpan, UnitError};
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer};
 
-/// Configuration of `bridge.iceoryx2`: types and limits of the ports that `subscribe` and `publish` wire.
+/// Configuration of `bridge.iceoryx2`: names, types and limits of the bridge's ports. The keys `subscribe`
+/// and `publish` of the component connect these ports to topics.
 ///
 /// ```toml
 /// out        = ["joint_state"]
@@ -34,7 +35,8 @@ pub struct Iceoryx2BridgeConfig {
     /// Inputs whose slices, such as images and clouds of any type, are mirrored to other programs one by one,
     /// in order. Default: an empty list.
     pub out_slices: Vec<String>,
-    /// Outputs by name, each a topic that other programs publish. Default: an empty table.
+    /// Outputs by name. Each publishes values from other programs on a topic of the graph. Default: an empty
+    /// table.
     #[serde(rename = "in")]
     pub inbound: BTreeMap<String, InboundConfig>,
 }
@@ -140,7 +142,7 @@ impl InboundConfig {
             None => Ok(()),
             Some(capacity) if !(1..=LARGEST_CAPACITY).contains(&capacity) => refuse(
                 format!("a capacity of {capacity}, expected 1 to {LARGEST_CAPACITY}"),
-                "set it to the number of values that arrive between two steps of the bridge, or slightly more",
+                "set the capacity to the number of values that arrive between two steps of the bridge, or slightly more",
             ),
             Some(_) if self.type_name == EmergencyStop::NAME => refuse(
                 "an emergency stop must not wait in a queue, which can overflow".to_string(),

@@ -1,4 +1,4 @@
-//! Counts of the values of an inbound topic by outcome.
+//! Counters for the values of an inbound topic, one for each outcome.
 
 use motorium::raw::RawError;
 use motorium::state::ContentDefect;

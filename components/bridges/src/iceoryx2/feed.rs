@@ -1,4 +1,5 @@
-//! Publisher for inbound topics, for programs that know only the layout, such as `motorium topic pub`.
+//! Publisher for inbound topics. It serves programs that know only the layout of a topic, such as
+//! `motorium topic pub`.
 
 use core::cell::Cell;
 
@@ -35,7 +36,7 @@ impl Feed {
         let service = format!("in/{}", topic.name);
         let fail = |reason: String| ServiceError { service: service.clone(), reason };
         if let TopicPattern::Slices { .. } = topic.pattern {
-            return Err(fail("it carries slices, expected single values".to_string()));
+            return Err(fail("the topic carries slices, expected single values".to_string()));
         }
         let node = domain.node().map_err(|error| fail(error.to_string()))?;
         let port = Service::feeding(&topic.name, &topic.layout, topic.pattern).feed(&node)?;

@@ -31,7 +31,8 @@ const MIRRORED_CAPACITY: usize = 16;
 /// A mirrored topic `NAME` is the service `out/NAME`, with the publisher's [`Stamp`](motorium::state::Stamp)
 /// as user header. An inbound topic `NAME` is fed by the service `in/NAME`. On inbound services, states have
 /// no user header, while streams and slices have a `Stamp` in which the program numbers its values with
-/// `sequence`. Published values get the bridge's own stamp, with the receiving step as their source time.
+/// `sequence`. The bridge publishes each value with its own stamp, whose source time is the time of the step
+/// that received the value.
 pub struct Iceoryx2Bridge {
     outbound: Vec<Outbound>,
     inbound: Vec<Inbound>,

@@ -206,7 +206,7 @@ pub fn write(
     let rows: usize = groups.iter().sum();
     let leaves = || columns.iter().flat_map(Column::leaves);
     if let Some((path, values)) = leaves().find(|(_, values)| values.len() != rows) {
-        let reason = format!("column `{}` has {} rows, the table {rows}", path[0], values.len());
+        let reason = format!("column `{}` has {} rows, but the table has {rows}", path[0], values.len());
         return Err(io::Error::new(io::ErrorKind::InvalidInput, reason));
     }
     file.write_all(MAGIC)?;

@@ -32,9 +32,9 @@ pub struct TopicAnalysis {
     pub samples: u64,
     /// Number of samples missing between the first and the last sample.
     pub gaps: u64,
-    /// Delays from the source time of each sample to its publication, ns, ascending.
+    /// Delays from each sample's source time to its publication, in ascending order, ns.
     pub latency_ns: Vec<u64>,
-    /// Times between consecutive publications, ns, ascending.
+    /// Times between consecutive publications, in ascending order, ns.
     pub interval_ns: Vec<u64>,
     /// Minimum and maximum latency \[ns\] over the time since the first sample \[s\].
     pub latencies: Envelope,
@@ -58,10 +58,10 @@ pub struct TrackedJoint {
     pub rms: f64,
     /// Maximum deviation from the commanded position, rad or m.
     pub most: f64,
-    /// Commanded positions \[rad or m\] over the time since the first sample \[s\], at times when positions
-    /// are commanded.
+    /// Commanded positions as points: time since the first sample \[s\], and position \[rad or m\]. Times
+    /// without a position command are omitted.
     pub commanded: Vec<(f64, f64)>,
-    /// Measured positions \[rad or m\] at the times of `commanded`.
+    /// Measured positions as points, at the same times as the points of `commanded`.
     pub measured: Vec<(f64, f64)>,
 }
 

@@ -49,13 +49,13 @@ pub struct RecordConfig {
     /// every sample. Default 20 ms.
     #[serde(default = "drawn_every")]
     pub drawn_every: TimeSpan,
-    /// Longest delay of the recorder that the graph bridges by buffering each state's values, 1 ms to 10 s.
-    /// The recorder polls four times within this delay, at least every 50 ms. If the recorder is delayed for
-    /// longer, samples are lost. Default 200 ms.
+    /// Longest delay of the recorder that loses no samples, 1 ms to 10 s. The graph buffers the values of
+    /// each state for this time. The recorder polls four times within this time, and at least every 50 ms.
+    /// Default 200 ms.
     #[serde(default = "bridges")]
     pub bridges: TimeSpan,
-    /// Length of the period before a failure that is recorded. It is kept in memory and written when the run
-    /// ends with an error; a successful run leaves no file. Default: the whole run is written.
+    /// Length of the last part of a failed run that is recorded. The samples are kept in memory and written
+    /// when the run ends with an error; a successful run leaves no file. Default: the whole run is written.
     #[serde(default)]
     pub last: Option<TimeSpan>,
     /// Files to attach to the recording. Default: an empty list.

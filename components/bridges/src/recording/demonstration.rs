@@ -41,7 +41,7 @@ pub enum DemonstrationError {
         /// Similar topic, or all topics.
         advice: String,
     },
-    /// The topic has another type.
+    /// The type of the topic differs from the expected type.
     #[error("topic `{topic}` has the type {found}, expected {expected}")]
     Type {
         /// Name of the topic.
@@ -51,7 +51,7 @@ pub enum DemonstrationError {
         /// Expected type of observations or actions.
         expected: &'static str,
     },
-    /// The recording has no topic of a type, or several topics.
+    /// The recording has no topic of the expected type, or several.
     #[error("{}", choice(.type_name, .topics))]
     Choice {
         /// Name of the type.
@@ -98,8 +98,8 @@ fn choice(type_name: &str, topics: &[String]) -> String {
 }
 
 impl Demonstration {
-    /// Reads a demonstration from a topic of observations and a topic of actions. `None` selects the only
-    /// topic of the type.
+    /// Reads a demonstration from a topic of observations and a topic of actions. If a topic is `None`, the
+    /// only topic with observations (or with actions) is read.
     ///
     /// Each action is paired with the latest observation at the time of the action, if both belong to the
     /// same episode. If several actions precede the next observation, the first one is used. Observations
@@ -107,8 +107,8 @@ impl Demonstration {
     ///
     /// # Errors
     ///
-    /// Returns an error if the recording cannot be read, if a topic is missing, ambiguous or of another type,
-    /// if samples differ in length, or if no action belongs to an observation.
+    /// Returns an error if the recording cannot be read, if a topic is missing, ambiguous or of the wrong
+    /// type, if samples differ in length, or if no action belongs to an observation.
     pub fn read(
         recording: &Recording,
         observation: Option<&str>,

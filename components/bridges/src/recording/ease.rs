@@ -36,7 +36,8 @@ pub(super) enum EaseError {
          replay them unchanged with `--ease-in \"0 s\"`"
     )]
     Limp { joint: String },
-    /// The measured joint states belong to another robot.
+    /// The number of measured joints differs from the number of commanded joints, so the states and the
+    /// commands belong to different robots.
     #[error("{measured} joints are measured, but the recorded commands have {commanded}")]
     Joints { measured: usize, commanded: usize },
     /// The start pose is too far away for the available time.

@@ -6,14 +6,14 @@
 //! | name | holds |
 //! |---|---|
 //! | channel `/log` | the events of the run, `foxglove.Log` |
-//! | channel `motorium/events` | the same with their kinds, severities and values, `motorium.v1.Event` |
+//! | channel `motorium/events` | the events with their kinds, severities and values, `motorium.v1.Event` |
 //! | channel `/robot_description` | the robot's URDF, once |
 //! | attachments `plan.json`, the graph file, `machine.json`, `ROBOT.urdf` | description of the run and the machine |
 //! | metadata `motorium` | version, graph, clock, seed, time of the start |
 //! | metadata `recording`, at the end | samples and losses of each topic |
 //!
-//! Message times are publication times: since 1970 for a real-time run, since the start of the run in
-//! lockstep, with consecutive episodes.
+//! Message times are publication times. In a real-time run they are measured since 1970. In lockstep they are
+//! measured since the start of the run, and each episode starts where the previous one ended.
 
 mod analysis;
 mod batch;

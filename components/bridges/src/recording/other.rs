@@ -89,7 +89,8 @@ impl OtherLog {
     /// field of a signal is a path such as `pose.position.x` or `transforms[0].transform.translation`.
     ///
     /// # Errors
-    /// Returns an error if the file has no such channel, field or entries, or cannot be decoded.
+    /// Returns an error if a channel, field or entry of a signal is missing from the file, or if the file
+    /// cannot be decoded.
     pub fn curves(&self, signals: &[Signal]) -> Result<Vec<Curve>, SignalsError> {
         let mut wanted = Vec::new();
         for signal in signals {

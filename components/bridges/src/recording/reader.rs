@@ -47,7 +47,7 @@ fn describe(error: &McapError) -> String {
 
 /// Returns the reason for rejecting a file that ends after `bytes`, before its first message.
 fn cut_off(bytes: usize) -> String {
-    format!("it is cut off after {bytes} bytes, before the first message")
+    format!("the file is cut off after {bytes} bytes, before the first message")
 }
 
 /// Refuses a file without a record between its header and its end.
@@ -110,7 +110,7 @@ pub enum ReadError {
     Foreign {
         /// Path of the file.
         path: PathBuf,
-        /// Missing or different part.
+        /// Part that is missing, or that differs from a motorium recording.
         reason: String,
     },
 }
@@ -201,7 +201,8 @@ impl Recording {
     }
 
     /// Returns the latched message of `channel`: the last message of a channel without a topic, such as
-    /// [`WORLD_SCENE`](crate::foxglove::WORLD_SCENE). Returns `None` if no such channel has a message.
+    /// [`WORLD_SCENE`](crate::foxglove::WORLD_SCENE). Returns `None` if the file has no latched message of
+    /// this channel.
     pub fn latched(&self, channel: &str) -> Option<&[u8]> {
         self.scan.latched.get(channel).map(Vec::as_slice)
     }
@@ -264,7 +265,7 @@ pub(super) fn map_file(path: &Path) -> Result<Mmap, ReadError> {
         return Err(io(std::io::Error::other(format!("it is {found}, expected the file of a recording"))));
     }
     if metadata.len() == 0 {
-        return Err(ReadError::Missing { path: path.to_path_buf(), reason: "it is empty".to_string() });
+        return Err(ReadError::Missing { path: path.to_path_buf(), reason: "the file is empty".to_string() });
     }
     let file = File::open(path).map_err(io)?;
     // SAFETY: recordings are written once. Truncating a mapped file terminates the program, with no other
@@ -284,7 +285,7 @@ fn other_writer(log: &MessageLog<Mmap>) -> String {
         writer => format!("`{writer}`"),
     };
     format!(
-        "it was written by {by} and contains {}, expected channels written by `motorium run --record`",
+        "the file was written by {by} and contains {}, expected channels written by `motorium run --record`",
         log.described()
     )
 }

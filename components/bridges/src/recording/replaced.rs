@@ -13,11 +13,11 @@ use super::spans::Spans;
 use super::{ReadError, Recording};
 use crate::foxglove::robot_of_topic;
 
-/// Returns the plan of a recording in which each of the named components is replaced by a `log.replay` with
-/// the same activation and order.
+/// Returns the plan of a recording in which each of the named components is replaced by a `log.replay`, which
+/// keeps the activation of the component and its place in the order.
 ///
 /// # Errors
-/// Returns an error if the recording has no plan, or if the plan has no such component.
+/// Returns an error if the recording has no plan, or if the plan lacks one of these components.
 pub fn replaced(recording: &Recording, names: &[String]) -> Result<Plan, ReadError> {
     let mut plan = recording.plan()?;
     let missing = |reason| ReadError::Missing { path: recording.path().to_path_buf(), reason };
@@ -45,7 +45,8 @@ pub fn replaced(recording: &Recording, names: &[String]) -> Result<Plan, ReadErr
 /// the run lasts as long as all recorded episodes together.
 ///
 /// # Errors
-/// Returns an error if the recording has no readable plan, or if there is no such component or episode.
+/// Returns an error if the recording has no readable plan, or if a component of `live` or the episode is
+/// missing.
 pub fn replayed(recording: &Recording, live: &[String], episode: Option<u64>) -> Result<Plan, ReadError> {
     let recorded = recording.plan()?;
     let missing = |reason| ReadError::Missing { path: recording.path().to_path_buf(), reason };
@@ -56,10 +57,12 @@ pub fn replayed(recording: &Recording, live: &[String], episode: Option<u64>) ->
     if let Some(episode) = episode.filter(|_| spans.count() == 0) {
         let count = spans.episodes();
         let episodes = if count == 1 { "one".to_string() } else { count.to_string() };
-        return Err(missing(format!("it has no episode {episode}; it has {episodes}, counted from 0")));
+        return Err(missing(format!(
+            "the recording has no episode {episode}; it has {episodes}, counted from 0"
+        )));
     }
     if spans.count() == 0 {
-        return Err(missing("it contains no samples to replay".to_string()));
+        return Err(missing("the recording contains no samples to replay".to_string()));
     }
     let names: Vec<String> = recorded.components.iter().map(|component| component.name.clone()).collect();
     let names: Vec<String> = names.into_iter().filter(|name| !live.contains(name)).collect();
@@ -84,9 +87,9 @@ pub fn replayed(recording: &Recording, live: &[String], episode: Option<u64>) ->
 }
 
 /// Extends a plan so that robots move to the start pose before the replay and come to rest after the last
-/// command. The replay is delayed by `lead` for the approach; `ramp_down` is the time to come to rest. This
-/// applies to each robot with a live actuator that follows recorded joint commands, if a live component
-/// measures the robot's joint state. Returns the names of the components with eased commands.
+/// command. The replay is delayed by `lead` for the approach; `ramp_down` is the time to come to rest. The
+/// plan is extended for each robot with a live actuator that follows recorded joint commands, if a live
+/// component measures the robot's joint state. Returns the names of the components with eased commands.
 pub fn ease_in(plan: &mut Plan, live: &[String], lead: TimeSpan, ramp_down: TimeSpan) -> Vec<String> {
     let is_live = |index: usize| live.contains(&plan.components[index].name);
     let is_followed = |topic: usize| {

@@ -29,7 +29,8 @@ pub struct ReplayConfig {
     /// Path of the recording, relative to the folder of the graph.
     #[schemars(extend("format" = "path"))]
     pub recording: PathBuf,
-    /// Name of the replaced component in the recorded graph. The replay has the same ports.
+    /// Name of the replaced component in the recorded graph. The replay has the ports of the replaced
+    /// component.
     pub component: String,
     /// Index of the only episode to replay, from 0. Default: all episodes, in order.
     #[serde(default)]

@@ -159,8 +159,8 @@ pub(super) fn as_f64(number: Number) -> f64 {
 /// Returns the curves of signals, in the order of the signals. An array has one curve per entry.
 ///
 /// # Errors
-/// Returns an error if the recording has no such topic, field, entries or samples, or if it cannot
-/// be read.
+/// Returns an error if a topic, field or entry of a signal is missing from the recording, if a topic has no
+/// samples, or if the recording cannot be read.
 pub fn curves(recording: &Recording, signals: &[Signal]) -> Result<Vec<Curve>, SignalsError> {
     let mut wanted = Vec::new();
     for signal in signals {
@@ -246,8 +246,8 @@ impl Curve {
     }
 }
 
-/// Minimum and maximum of a curve in each time interval. An envelope reduces a curve of any length to one
-/// that can be drawn.
+/// Minimum and maximum of a curve in each time interval. An envelope reduces a curve of any length to at most
+/// two points per interval, for drawing.
 ///
 /// ```
 /// use motorium_bridges::recording::Envelope;

@@ -95,26 +95,26 @@ pub enum VerifyError {
     Decode(#[from] DecodeError),
     /// A real-time recording cannot be repeated bit for bit.
     #[error(
-        "it was recorded in real time, which is not reproducible; record a run with `--clock lockstep` to verify it"
+        "the run was recorded in real time, which is not reproducible; record a run with `--clock lockstep` to verify it"
     )]
     RealTime,
     /// Episodes were started by a program, so their seeds and times are not in the graph.
     #[error(
-        "it contains episodes that a program started, so the graph alone cannot repeat them; only runs with \
+        "the recording contains episodes that a program started, so the graph alone cannot repeat them; only runs with \
          `--episodes N` can be verified"
     )]
     Episodes,
-    /// Messages that the recording declares are missing from it.
-    #[error("it lacks {missing} of its messages, so it cannot be compared")]
+    /// The recording lacks messages that it declares.
+    #[error("the recording lacks {missing} of its messages, so it cannot be compared")]
     Missing {
         /// Number of missing messages.
         missing: u64,
     },
     /// The recording has no samples.
-    #[error("it contains no samples to compare")]
+    #[error("the recording contains no samples to compare")]
     Nothing,
     /// Samples were lost during the recording.
-    #[error("{lost} samples of topic `{topic}` were lost during the recording, so it cannot be compared")]
+    #[error("{lost} samples of topic `{topic}` were lost, so the recording cannot be compared")]
     Lost {
         /// Name of the topic.
         topic: String,

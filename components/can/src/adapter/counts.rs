@@ -5,9 +5,9 @@
 pub struct Counts {
     /// Number of unanswered frames before the first answer, while the adapter waits for the drive.
     pub awaited: u64,
-    /// Number of frames after the first answer that were not answered before the next one was sent.
+    /// Number of frames after the first answer that were not answered before the next frame was sent.
     pub missing: u64,
-    /// Number of late answers, which answer a frame sent before the latest one.
+    /// Number of late answers: the drive answered a frame that was no longer the latest one sent to it.
     pub late: u64,
     /// Number of additional answers to a frame that has already been answered.
     pub duplicate: u64,

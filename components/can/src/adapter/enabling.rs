@@ -37,8 +37,8 @@ impl Adapter {
         true
     }
 
-    /// Returns the index of the drive that was not enabled again because its joint was out of range, and the
-    /// position and range of this joint.
+    /// Returns the index of the drive that was not enabled again because its joint was out of range, with the
+    /// position and the range of the joint.
     pub fn out_of_range(&self) -> Option<(usize, WrongSetting)> {
         self.out_of_range
     }

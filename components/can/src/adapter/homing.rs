@@ -1,7 +1,7 @@
 //! Homing of joints whose position is unknown after power-up.
 //!
-//! A drive with its own homing procedure executes it, and reads zero at its mark. The adapter moves any other
-//! joint slowly against its mechanical stop.
+//! A drive with its own homing procedure executes this procedure, and then reads zero at its mark. The
+//! adapter slowly moves all other joints against their mechanical stops.
 
 mod stop;
 

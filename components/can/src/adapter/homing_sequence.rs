@@ -1,12 +1,12 @@
-//! Homing of all joints, lowest order first.
+//! Homing of all joints, in ascending `order` of the drive table.
 
 use super::{Adapter, HomingState, Link, Phase};
 use crate::protocols::dialogue::Dialogue as _;
 
 impl Adapter {
     /// Allows homing to continue (the default), or stops it. Stopping immediately disables the joints in
-    /// progress; their homing restarts when it is allowed again. Meanwhile, held joints follow
-    /// [`set`](Self::set).
+    /// progress; their homing restarts when it is allowed again. While homing is stopped, joints that are
+    /// held follow the setpoints of [`set`](Self::set).
     pub fn allow_homing(&mut self, is_allowed: bool) {
         let was_allowed = core::mem::replace(&mut self.is_homing_allowed, is_allowed);
         if !is_allowed {

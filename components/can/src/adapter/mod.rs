@@ -4,11 +4,12 @@
 //! Damiao drive reports its ranges and its watchdog), then polled for its state while disabled. It is then
 //! enabled together with all others, and follows commands. The adapter trips if a drive is silent for three
 //! cycles, reports a fault or disables itself. From then on all drives are damped or disabled until
-//! [`Adapter::resume`].
+//! [`Adapter::resume`] is called.
 //!
 //! Answers carry no sequence number, and an answer that is exactly one cycle late looks like a timely one. A
-//! drive that has missed a cycle and answers again is therefore skipped for one cycle. If it still answers,
-//! it is a cycle behind and counts as lost. If not, only one answer was lost, and the drive continues.
+//! drive that has missed a cycle and answers again therefore receives no frame for one cycle. If an answer
+//! arrives in that cycle, the drive is a cycle behind and counts as lost. Otherwise, only one answer was
+//! lost, and the drive continues.
 
 mod answers;
 mod common_answer;
@@ -179,8 +180,8 @@ impl Adapter {
         }
     }
 
-    /// Ends the cycle. Queried drives without an answer count as missing. Pass `false` for `counts` when no
-    /// drive can answer any more.
+    /// Ends the cycle. Queried drives without an answer count as missing. Pass `false` for `counts` in cycles
+    /// in which the drives could not answer.
     pub fn end_cycle(&mut self, counts: bool) {
         self.cycles += 1;
         for link in &mut self.links {

@@ -25,7 +25,7 @@ pub enum Phase {
 pub(super) enum Report {
     /// Its state.
     State(State),
-    /// It has restarted and lost its configuration.
+    /// The drive has restarted and lost its configuration.
     Restarted,
 }
 

@@ -56,8 +56,8 @@ pub struct Budget {
 }
 
 impl Budget {
-    /// Bus load, as a fraction of the cycle, beyond which a single disturbed frame delays others into the
-    /// next cycle.
+    /// Bus load, as a fraction of the cycle, beyond which a single disturbed frame delays other frames into
+    /// the next cycle.
     pub const COMFORTABLE: f64 = 0.8;
 
     /// Returns the worst-case time of all bits of a cycle, ns.

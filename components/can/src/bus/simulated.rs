@@ -12,16 +12,16 @@ use crate::frame::{Form, Frame};
 pub enum Event {
     /// A frame arrived at all other nodes.
     Delivered {
-        /// Node that sent it.
+        /// Index of the node that sent the frame.
         sender: usize,
-        /// Frame.
+        /// The frame that arrived.
         frame: Frame,
         /// Time of the frame's last bit, ns.
         time_ns: u64,
     },
     /// A frame was disturbed and will be sent again.
     Disturbed {
-        /// Node that sent it.
+        /// Index of the node that sent the frame.
         sender: usize,
         /// State of the node after the error.
         state: ErrorState,
@@ -50,11 +50,12 @@ struct Node {
 /// Bus in simulated time.
 ///
 /// A frame starts when the bus is free; if several frames are waiting, the one with the lowest identifier
-/// wins arbitration. Its duration follows from its exact number of bits, including stuff bits. A disturbed
-/// sender increments its transmit error counter by eight and retransmits. It becomes error-passive at 128 and
-/// bus-off above 255. Two nodes that send different frames with the same identifier disturb each other. A
-/// frame without a receiver is not acknowledged and is repeated. Packets of a serial line are sent one after
-/// the other, without error detection. The bus is deterministic: its behaviour depends only on its input.
+/// wins arbitration. The duration of a frame follows from its exact number of bits, including stuff bits. A
+/// disturbed sender increments its transmit error counter by eight and retransmits. The sender becomes
+/// error-passive at 128 and bus-off above 255. Two nodes that send different frames with the same identifier
+/// disturb each other. A frame without a receiver is not acknowledged and is repeated. Packets of a serial
+/// line are sent one after the other, without error detection. The bus is deterministic: its behaviour
+/// depends only on its input.
 #[derive(Debug)]
 pub struct SimulatedBus {
     rates: Rates,
@@ -74,7 +75,7 @@ const PAUSE_BITS: u32 = 3;
 const SUSPEND_BITS: u32 = 8;
 
 impl SimulatedBus {
-    /// Creates a bus with `nodes` nodes. Each has a send queue of `depth` frames.
+    /// Creates a bus with `nodes` nodes. Each node has a send queue of `depth` frames.
     pub fn new(rates: Rates, nodes: usize, depth: usize) -> Self {
         let node = |_| Node {
             queue: VecDeque::with_capacity(depth),

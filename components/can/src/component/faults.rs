@@ -40,7 +40,7 @@ pub struct FaultConfig {
 pub enum FaultKind {
     /// The drive does not answer; it still receives its commands.
     Silent,
-    /// The drive answers later.
+    /// The drive delays each answer by the additional time `delay`.
     Late,
     /// The drive's answers lack their last byte.
     WrongLength,
@@ -48,7 +48,8 @@ pub enum FaultKind {
     Corrupt,
     /// The drive sends each answer twice.
     Duplicate,
-    /// A second drive with the same number also answers, and reports a different position.
+    /// A second drive with the same number answers in addition to the drive, and reports a different
+    /// position.
     Twin,
     /// The drive has no power: it receives nothing, answers nothing and is disabled.
     Off,
@@ -63,9 +64,9 @@ pub enum FaultKind {
     /// The controller of the adapter is bus-off, and recovers at the end of the fault.
     BusOff,
     /// The cable between the adapter and the drives is unplugged: frames of the adapter are not acknowledged.
-    /// On simulated buses.
+    /// Only on simulated buses.
     Alone,
-    /// The interface of the adapter is down. On simulated buses.
+    /// The interface of the adapter is down. Only on simulated buses.
     Down,
 }
 
@@ -117,7 +118,10 @@ impl Fault {
             FaultKind::Babbling | FaultKind::Disturbed | FaultKind::BusOff | FaultKind::Twin
         );
         if needs_can && bus.is_some_and(|bus| table.buses[bus].kind == BusKind::Serial) {
-            return refuse("kind", "a fault of CAN buses, on a serial line".to_string());
+            return refuse(
+                "kind",
+                "this kind of fault is only for CAN buses, but the bus is a serial line".to_string(),
+            );
         }
         let is_of_mark = matches!(config.kind, FaultKind::NoMark | FaultKind::StuckMark);
         let homing = table.drives.get(target).and_then(|drive| drive.homing.as_ref());

@@ -2,10 +2,10 @@
 //! whether the effort moves the joint to the stop, holds it there and moves it away again. The model also
 //! yields the impact energy.
 //!
-//! The joint moves with the velocity gain `effort / velocity`. It counts as at rest below the fraction
+//! The joint moves with the velocity gain `effort / velocity`. The joint counts as at rest below the fraction
 //! [`STILL`] of `velocity`, where its weight and Coulomb friction may use up the rest of `effort`. Viscous
-//! damping slows the joint but does not stop it, so it is only counted at that velocity. Friction helps to
-//! hold the joint at its stop, and opposes the motion away from it.
+//! damping slows the joint but does not stop it, so damping is included only at that velocity. Friction helps
+//! to hold the joint at its stop, and opposes the motion away from it.
 
 mod search;
 mod weights;
@@ -40,11 +40,11 @@ impl Problem {
     pub(super) fn advice(&self) -> &'static str {
         match self {
             Self::TooWeak(TooWeak { moment: Moment::OnTheWay, .. }) => {
-                "raise `effort`, start from the other side, or use `order` to home it later, when other joints support its weight"
+                "raise `effort`, start from the other side, or home this joint later (`order`), when other joints support its weight"
             }
             Self::TooWeak(_) => "raise `effort`, or choose the stop at the other end",
             Self::TooHard(_) => {
-                "write a lower `velocity`, or set `energy` to the energy that its stop and gear withstand"
+                "write a lower `velocity`, or set `energy` to the energy that the stop and the gear withstand"
             }
         }
     }

@@ -13,8 +13,8 @@ const START: Duration = Duration::from_secs(5);
 /// Returns `true` if the buses of a table are interfaces of the computer.
 ///
 /// # Errors
-/// Returns an error if they are real and the clock is lockstep, because a real bus cannot wait for simulated
-/// time.
+/// Returns an error if the buses are real and the clock is lockstep, because a real bus cannot wait for
+/// simulated time.
 pub(super) fn are_real(table: &Table, clock: ClockKind) -> Result<bool, ConfigError> {
     if table.is_real() && clock == ClockKind::Lockstep {
         let name = table.buses.first().map_or("", |bus| &bus.name);

@@ -75,7 +75,7 @@ impl Source<'_> {
         };
         if inline {
             return Err(ConfigError::key("drives", "both a drive table and inline entries are given")
-                .advise("leave `drives` out, or `bus` and `drive`"));
+                .advise("leave out `drives`, or leave out both `bus` and `drive`"));
         }
         let path = folder.join(file);
         let text = std::fs::read_to_string(&path).map_err(|error| {

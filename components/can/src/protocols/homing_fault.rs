@@ -11,7 +11,7 @@ pub enum HomingFault {
     /// The drive reported a failure.
     #[error("the drive reports that homing failed: is its switch stuck, or the method wrong?")]
     Drive,
-    /// The drive ended the homing before it was observed running.
+    /// The drive reported the end of the homing before the adapter had observed its start.
     #[error("the drive reported the end of homing before its start: is homing configured in the drive?")]
     NotBegun,
     /// The drive disabled itself during the homing.

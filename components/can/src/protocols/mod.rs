@@ -4,7 +4,7 @@
 //! Decoding is strict: a wrong length, identifier or device, a set reserved bit, or a non-finite number is an
 //! error. No frame causes a panic.
 //!
-//! This module is the only one that distinguishes protocols. All others use [`DriveProtocol`],
+//! This module is the only one that distinguishes protocols. All other modules use [`DriveProtocol`],
 //! [`Dialogue`](dialogue::Dialogue) and [`Simulated`](simulation::Simulated).
 
 pub(crate) mod device;

@@ -16,14 +16,14 @@ pub enum WrongSetting {
     /// The limit of a range differs.
     #[error("{register} is {found}, but the drive table has {expected}")]
     Range {
-        /// Register.
+        /// Name of the register.
         register: &'static str,
         /// Value in the drive.
         found: f64,
         /// Value in the table.
         expected: f64,
     },
-    /// The drive is in another control mode.
+    /// The drive is not in the control mode that the adapter requires.
     #[error("the control mode ({register}) is {found}, expected {expected}")]
     ControlMode {
         /// Value in the drive.
@@ -94,7 +94,7 @@ pub enum WrongSetting {
         /// Reference that the table requires.
         expected: PositionReference,
     },
-    /// A servo is in another operating mode.
+    /// A servo is not in the operating mode for position control.
     #[error("the operating mode is {found}, expected {expected} (position control)")]
     OperatingMode {
         /// Value in the servo.
@@ -138,7 +138,9 @@ fn correction(turns: Option<i32>) -> String {
         "move the joint into its range, give the drive a `homing`, or correct `offset` in the drive table";
     match turns {
         Some(turns) => {
-            format!("{always}; if the reading is off by whole turns, write `turns = {turns}` there")
+            format!(
+                "{always}; if the reading is off by whole turns, write `turns = {turns}` in the drive table"
+            )
         }
         None => always.to_string(),
     }

@@ -55,9 +55,9 @@ pub(crate) trait Simulated: Debug + Send {
 /// Settings of a simulated drive that differ from the table.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Overrides {
-    /// Watchdog time, ns; 0 for off, `None` for the table's.
+    /// Watchdog time, ns; 0 for off, `None` for the value in the table.
     pub watchdog_ns: Option<u64>,
-    /// Largest torque of the drive's range, or its rated torque, N m; `None` for the table's.
+    /// Largest torque of the drive's range, or its rated torque, N m; `None` for the value in the table.
     pub torque: Option<f64>,
 }
 

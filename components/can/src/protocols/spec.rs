@@ -97,7 +97,8 @@ pub(crate) enum Watchdog {
 /// Current limit of a drive.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum CurrentLimit {
-    /// The adapter sets it. Each of these keys is required, and is listed with the advice if it is missing.
+    /// The adapter sets the limit in the drive. Each of `keys` is required; the error for a missing key
+    /// contains the advice.
     Settable { keys: &'static [(&'static str, &'static str)] },
     /// The protocol has no current limit.
     Unsupported { advice: &'static str },
@@ -117,7 +118,7 @@ pub(crate) enum Gains {
 /// Homing by a drive.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct OwnHoming {
-    /// `true` if the drive supports it.
+    /// `true` if the drive supports homing by itself.
     pub(crate) is_supported: bool,
     /// `true` if the joint moves. Otherwise, only an offset stored in the drive is compared.
     pub(crate) moves: bool,

@@ -1,5 +1,5 @@
 //! Common packet with which protocol 2.0 servos jointly answer a fast read. The first servo starts the
-//! packet, and each one appends its share after the previous servo's.
+//! packet, and each further servo appends its share.
 
 use super::{EVERYBODY, LONGEST, Protocol, STATUS, Status, Writer, crc_from};
 use crate::frame::DecodeError;
@@ -17,7 +17,7 @@ pub enum FastTurn {
         /// Number of servos that answer.
         servos: usize,
     },
-    /// Other servos have already answered.
+    /// The servo appends its share after the shares of previous servos.
     After {
         /// Checksum of all bytes of the previous servos, computed by [`fast_sum`].
         sum: u16,
@@ -30,8 +30,7 @@ pub fn fast_sum(sum: u16, bytes: &[u8]) -> u16 {
     crc_from(sum, bytes)
 }
 
-/// Servo side: writes the servo's share of the common packet. Returns the number of bytes; `None` if they do
-/// not fit.
+/// Writes a servo's share of the common packet. Returns the number of bytes; `None` if they do not fit.
 ///
 /// ```
 /// use motorium_can::servo::{FastTurn, LONGEST, fast_sum, write_fast_status};

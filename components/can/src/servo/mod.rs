@@ -1,4 +1,5 @@
-//! Packets of serial servo buses: Feetech (STS and SCS) and Dynamixel protocol 1.0, Dynamixel protocol 2.0.
+//! Packets of serial servo buses, in two protocols: one of Feetech servos (STS and SCS) and Dynamixel 1.0,
+//! and one of Dynamixel 2.0.
 //!
 //! A servo is a table of registers. One packet can read or write the registers of one servo or of many. All
 //! servos share one line and answer when queried. Packets of both protocols may share a line; [`Reader`]
@@ -164,7 +165,7 @@ pub fn write(
     end(protocol, out)
 }
 
-/// Servo side: writes the servo's answer.
+/// Writes a servo's answer.
 pub fn write_status(
     protocol: Protocol,
     servo: u8,

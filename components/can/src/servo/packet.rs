@@ -59,7 +59,7 @@ impl Packet {
         }
     }
 
-    /// Servo side: decodes the protocol, servo number and instruction of a packet.
+    /// Decodes the protocol, servo number and instruction of a packet that a servo has received.
     ///
     /// ```
     /// use motorium_can::servo::{Instruction, Packet, Protocol};

@@ -56,8 +56,8 @@ fn check_bus(bus: &BusEntry, before: &[BusEntry]) -> Result<(), Refusal> {
     let speeds = if is_serial { 9_600..=4_000_000 } else { 10_000..=1_000_000 };
     if !speeds.contains(&bus.bitrate) {
         let advice = match is_serial {
-            true => "write bits per second, 9600 to 4000000",
-            false => "write bits per second, 10000 to 1000000",
+            true => "write a number from 9600 to 4000000, in bit/s",
+            false => "write a number from 10000 to 1000000, in bit/s",
         };
         return refuse(&format!("the bitrate is {} bit/s", bus.bitrate), advice);
     }
@@ -65,7 +65,7 @@ fn check_bus(bus: &BusEntry, before: &[BusEntry]) -> Result<(), Refusal> {
         return refuse("a serial line has no data bitrate", "leave `data_bitrate` out");
     }
     if bus.data_bitrate.is_some_and(|fast| fast < bus.bitrate || fast > 8_000_000) {
-        let advice = "write bits per second, from `bitrate` to 8000000";
+        let advice = "write a number from `bitrate` to 8000000, in bit/s";
         return refuse("the data bitrate is below `bitrate` or above 8000000 bit/s", advice);
     }
     if let Some(place) = bus.interface.as_deref().and_then(Place::from_interface) {
@@ -82,10 +82,10 @@ fn check_bus(bus: &BusEntry, before: &[BusEntry]) -> Result<(), Refusal> {
         }
     }
     if before.iter().any(|other| bus.interface.is_some() && other.interface == bus.interface) {
-        return refuse("another bus has the same interface", "give each bus its own interface");
+        return refuse("another bus already uses this interface", "give each bus its own interface");
     }
     if before.first().is_some_and(|first| first.interface.is_some() != bus.interface.is_some()) {
-        let advice = "give all buses an `interface`, or none";
+        let advice = "give every bus an `interface`, or leave `interface` out of every bus";
         return refuse("the table contains both simulated and real buses", advice);
     }
     let is_offered =
@@ -138,7 +138,7 @@ fn check_protocols(table: &Table, bus: &BusEntry) -> Result<(), Refusal> {
     wire::check_forms(table, bus)?;
     if bus.kind == BusKind::Serial && on_bus().count() > SERVOS {
         let message = format!("bus `{}`: {} servos, expected at most {SERVOS}", bus.name, on_bus().count());
-        return Err((message, "spread them over more lines"));
+        return Err((message, "spread the servos over more lines"));
     }
     if bus.fast_read {
         let (message, servos) = (format!("bus `{}`: a fast read", bus.name), on_bus().count());
@@ -150,7 +150,7 @@ fn check_protocols(table: &Table, bus: &BusEntry) -> Result<(), Refusal> {
         if servos > most {
             let message =
                 format!("{message} of {servos} servos does not fit into a packet, expected at most {most}");
-            return Err((message, "leave `fast_read` out, or spread them over more lines"));
+            return Err((message, "leave `fast_read` out, or spread the servos over more lines"));
         }
     }
     Ok(())
@@ -163,7 +163,7 @@ fn check_drive(table: &Table, index: usize) -> Result<(), Refusal> {
         return refuse(format!("no bus is named `{}`", drive.bus), "add a `[[bus]]` with this name");
     }
     if before.iter().any(|other| other.joint == drive.joint) {
-        return refuse("another drive has the same joint".into(), "name each joint once");
+        return refuse("another drive already moves this joint".into(), "name each joint once");
     }
     if !drive.protocol.spec().nodes.contains(&drive.node) {
         let advice = "write a number from 1 (ODrive: 0), up to 15 for Damiao drives, 63 for ODrives, 126 for CiA 402 \

@@ -203,7 +203,7 @@ impl Table {
             .any(|place| matches!(place, Place::Terminal(_)))
     }
 
-    /// Returns the index of a drive's bus; `None` if the table has no such bus.
+    /// Returns the index of a drive's bus; `None` if the table does not contain this bus.
     pub fn bus_of(&self, drive: &DriveEntry) -> Option<usize> {
         self.buses.iter().position(|bus| bus.name == drive.bus)
     }
@@ -314,7 +314,7 @@ impl Table {
                     column: None,
                     entry: None,
                     message: format!("joint `{joint}` has no drive"),
-                    advice: "add a `[[drive]]` for it",
+                    advice: "add a `[[drive]]` for this joint",
                 })
             })
             .collect()

@@ -15,7 +15,10 @@ pub(super) fn check_forms(table: &Table, bus: &BusEntry) -> Result<(), Refusal> 
         "bus `{}`: drives of {:?} receive CAN FD frames, but a drive of {:?} does not support and would disturb them",
         bus.name, fast.protocol, classic.protocol
     );
-    Err((message, "put them on separate buses, or leave `data_bitrate` out if all support classic frames"))
+    Err((
+        message,
+        "put these drives on separate buses, or leave `data_bitrate` out if all drives support classic frames",
+    ))
 }
 
 /// Returns the identifiers of a drive's commands and of its answers, on a bus shared by several protocols.
@@ -27,7 +30,7 @@ fn identifiers(table: &Table, index: usize) -> Option<(Id, Id)> {
 pub(super) fn check_identifiers(table: &Table, index: usize) -> Result<(), Refusal> {
     let drive = &table.drives[index];
     let Some((mine, answers)) = identifiers(table, index) else { return Ok(()) };
-    let refuse = |message: String| Err((message, "choose another `master`, or another `node`"));
+    let refuse = |message: String| Err((message, "change `master` or `node`"));
     if answers == mine {
         return refuse("the identifier of the answers is already in use".into());
     }

@@ -52,7 +52,9 @@ fn short_screen(line: &str) -> Option<RecordError> {
     (found < count).then(|| RecordError {
         found: line.to_string(),
         column: line[..at].chars().count() + 1,
-        message: format!("found {found} bytes after `{length}`, expected {count} of two hexadecimal digits"),
+        message: format!(
+            "found {found} bytes after `{length}`, expected {count} bytes of two hexadecimal digits each"
+        ),
     })
 }
 

@@ -14,8 +14,8 @@ use crate::bus::offered::{Place, Traffic, UnixBus};
 use crate::bus::socket::look_up;
 use crate::{Condition, OpenError};
 
-/// Listener on interfaces of the kernel and simulated buses (`unix:NAME`), for tools; it may block and
-/// allocate.
+/// Listener on interfaces of the kernel and simulated buses (`unix:NAME`), for tools. Its methods may block
+/// and allocate.
 ///
 /// ```
 /// use motorium_can::bus::offered::{Offer, Place};
@@ -98,7 +98,7 @@ impl Source {
                     },
                     Some(Traffic::Report(report)) => Ok(Record::of_report(bus.name(), &report)),
                     None if bus.condition() == Condition::Gone => {
-                        refused(bus, "the program that simulates it has ended")
+                        refused(bus, "the program that simulates this bus has ended")
                     }
                     None => Ok(None),
                 }

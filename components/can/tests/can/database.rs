@@ -239,7 +239,7 @@ fn invalid_databases_are_refused_with_their_position() {
     assert!(broken.contains("the text is not a DBC file") && broken.contains("10:"), "{broken}");
     assert_eq!(
         refused(&KINDS.replace("63|1@1+", "60|8@1+")),
-        "the signal `Bit` of the message `Orders`: 8 bits from bit 60, beyond 8 bytes"
+        "the signal `Bit` of the message `Orders`: its 8 bits from bit 60 on exceed the 8 bytes of the message"
     );
     let message = |signals: &str| format!("VERSION \"\"\nNS_ :\nBS_:\nBU_: A\nBO_ 291 Msg: 8 A\n{signals}");
     let signal =
@@ -251,7 +251,7 @@ fn invalid_databases_are_refused_with_their_position() {
     );
     assert_eq!(
         refused(&message(&signal("T", 0, 0))),
-        "the signal `T` of the message `Msg`: its factor is 0, expected another number"
+        "the signal `T` of the message `Msg`: its factor is 0, expected a number other than 0"
     );
     // pages of one name, and a byte order mark
     let pages = twice.replacen("T :", "T m1 :", 1).replacen("T :", "T m2 :", 1);

@@ -83,7 +83,7 @@ fn a_bus_disappears_and_returns_with_its_simulator() {
     assert!(matches!(UnixBus::open(&name), Err(OpenError::NotOffered(_))));
     let offer = Offer::open(Place::Socket(&name), RATES, false, false).unwrap();
     let again = Offer::open(Place::Socket(&name), RATES, false, false).unwrap_err();
-    assert!(again.to_string().contains("another program of this user offers it"), "{again}");
+    assert!(again.to_string().contains("another program of this user already offers this bus"), "{again}");
     let mut bus = UnixBus::open(&name).unwrap();
     drop(offer);
     let mut inbox = [Received::default(); 4];
@@ -132,7 +132,7 @@ fn an_offered_terminal_acts_as_an_slcan_adapter() {
         scope.spawn(|| serve(&mut offer, &stop));
         let slow = Rates { nominal: 500_000, fast: 5_000_000 };
         let error = SlcanBus::open(&path, slow, true).unwrap_err();
-        assert!(error.to_string().contains("the adapter refuses its bitrate"), "{error}");
+        assert!(error.to_string().contains("the adapter refuses the bitrate"), "{error}");
         let mut bus = RealBus::open(&format!("pty:{path}"), &RATES, true).unwrap();
         let fast = Frame::new(Id::Standard(0x20), Form::FdFast, &[9; 12]).unwrap();
         assert_eq!(bus.send(&[frame(0x10, &[1, 2, 3]), fast]), 2);
@@ -219,6 +219,6 @@ fn bus_addresses_of_a_drive_table_are_checked() {
     );
     assert!(
         refused("interface = \"unix:a\"", "interface = \"unix:a\"")
-            .contains("another bus has the same interface")
+            .contains("another bus already uses this interface")
     );
 }

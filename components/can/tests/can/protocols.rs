@@ -222,7 +222,7 @@ fn faults_of_can_buses_are_refused_on_a_serial_line() {
     let folder = Folder::new("serial-fault", &case.table());
     let babbling = r#"faults = [{ at = "1 s", kind = "babbling", bus = "bus0" }]"#;
     let text = case.graph(&folder, babbling).check().unwrap_err().render(false);
-    assert!(text.contains("a fault of CAN buses, on a serial line"), "{text}");
+    assert!(text.contains("this kind of fault is only for CAN buses"), "{text}");
 }
 
 #[test]

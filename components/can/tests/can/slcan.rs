@@ -238,7 +238,7 @@ fn an_unplugged_adapter_is_gone() {
 fn a_refusing_adapter_and_a_missing_line_are_reported() {
     let (_, bus, _) = opened(b"\x07", false);
     let error = bus.unwrap_err();
-    assert!(error.to_string().contains("the adapter refuses its bitrate"), "{error}");
+    assert!(error.to_string().contains("the adapter refuses the bitrate"), "{error}");
     let error = SlcanBus::open("/dev/no-such-line", RATES, false).unwrap_err();
     assert_eq!(error.to_string(), "the serial line `/dev/no-such-line` does not exist");
     assert!(error.advice().contains("/dev/serial/by-id"));

@@ -66,8 +66,8 @@ with_defaults! {
     /// Duration of the linear ramp after a change of a gain or weight. A task is faded in if its weight
     /// becomes nonzero, and faded out if it becomes 0. Default 200 ms; 0 applies changes immediately.
     pub task_ramp: TimeSpan = TimeSpan { ns: 200_000_000 };
-    /// Policy for contradictory constraints. Used only without `inverse_dynamics`, which has its own key.
-    /// Default "hold".
+    /// Policy for contradictory constraints. Used only without `inverse_dynamics`, which has its own key
+    /// `on_infeasible`. Default "hold".
     pub on_infeasible: Option<InfeasiblePolicy> = None;
 }
 
@@ -92,8 +92,8 @@ pub struct LevelConfig {
     /// Number of the level. At least one task must be on it.
     pub level: u32,
     /// Tikhonov regularisation of this level, 1e-12 to 1, which replaces `damping`: cost of joint velocities,
-    /// 1/(rad/s)^2, or with `inverse_dynamics` of accelerations and contact forces. It smooths this level and
-    /// does not restrict the levels below.
+    /// 1/(rad/s)^2, or with `inverse_dynamics` of accelerations and contact forces. The regularisation
+    /// smooths this level and does not restrict the levels below.
     pub damping: f64,
 }
 

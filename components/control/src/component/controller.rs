@@ -24,11 +24,11 @@ use crate::{GoalSummary, Mixture, SetpointIntegrator};
 /// ([`DifferentialIk`](crate::DifferentialIk)) or, with `inverse_dynamics`, by whole-body inverse dynamics
 /// ([`InverseDynamics`](crate::inverse_dynamics::InverseDynamics)).
 ///
-/// The controller starts at the measured positions of the first joint state. After a crash it continues from
-/// the previous setpoint if the robot is still near it. Without a fresh joint state it publishes no command,
-/// so the drives enter their safe state; it restarts with the next joint state. If constraints contradict
-/// each other, the configured policy applies: by default velocity control holds the setpoint, and torque
-/// control relaxes constraints.
+/// The controller starts at the measured positions of the first joint state. After a crash, the controller
+/// continues from the previous setpoint if the robot is still near that setpoint. Without a fresh joint
+/// state, the controller publishes no command, so the drives enter their safe state; it restarts with the
+/// next joint state. If constraints contradict each other, the configured policy applies: by default velocity
+/// control holds the setpoint, and torque control relaxes constraints.
 pub struct QpController(Selected);
 
 /// The controller of the configured formulation.

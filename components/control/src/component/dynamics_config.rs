@@ -60,7 +60,7 @@ with_defaults! {
     /// torques as a feed-forward).
     pub impedance: Option<f64> = None;
     /// Initial period in which the drives hold their positions with full kp and kd in addition to the
-    /// torques. During this period their actuators leave the safe state. The gains then ramp down to
+    /// torques. During this period the actuators leave the safe state. The gains then ramp down to
     /// `impedance` within half of that period. Default 600 ms.
     pub stiff_start: TimeSpan = TimeSpan { ns: 600_000_000 };
     /// Friction model of all contacts. Default "pyramid".
@@ -91,9 +91,9 @@ pub enum InfeasiblePolicy {
 #[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct ContactConfig {
-    /// Foot of the robot's profile, which also names the contact. Set either this or `frame`.
+    /// Foot of the robot's profile, which also names the contact. Set either `foot` or `frame`.
     pub foot: Option<String>,
-    /// Link whose frame touches the ground, which also names the contact. Set either this or `foot`.
+    /// Link whose frame touches the ground, which also names the contact. Set either `frame` or `foot`.
     pub frame: Option<String>,
     /// Radius of a ball about the origin of `frame`, m. Without `radius` and `sole` the contact is a point.
     pub radius: Option<f64>,
@@ -115,7 +115,7 @@ pub struct ContactConfig {
 #[serde(default, deny_unknown_fields)]
 pub struct WrenchConfig {
     /// Sides along x and y of the rectangle that contains the centre of pressure, centred at the origin of
-    /// the frame, m. Default: the sole less `margin`.
+    /// the frame, m. Default: the sides of the sole, reduced by `margin` at each edge.
     pub sides: Option<[f64; 2]>,
     /// Coefficient of friction for tangential force and yaw torque, 1e-3 to 10. Default: the contact's value.
     pub friction: Option<f64>,
@@ -148,7 +148,7 @@ impl WrenchConfig {
         in_range(&key("wrench.min_force"), cone.min_force, 0.0..=1e9)?;
         in_range(&key("wrench.max_yaw"), cone.max_yaw, 0.0..=f64::INFINITY)?;
         if cone.max_force.is_nan() || cone.max_force <= cone.min_force {
-            let message = format!("{} N, with a min_force of {} N", cone.max_force, cone.min_force);
+            let message = format!("{} N, but `min_force` is {} N", cone.max_force, cone.min_force);
             return Err(ConfigError::key(key("wrench.max_force"), message)
                 .advise("set `max_force` above `min_force`"));
         }
@@ -160,7 +160,7 @@ impl WrenchConfig {
 fn no_use(unknowns: &str, key: impl Into<String>) -> ConfigError {
     let message = format!("it has no effect with `unknowns = \"{unknowns}\"`");
     ConfigError::key(key, message)
-        .advise("leave it out, or decide both: unknowns = \"accelerations_and_forces\"")
+        .advise("leave it out, or solve for motions and forces: unknowns = \"accelerations_and_forces\"")
 }
 
 impl InverseDynamicsConfig {
@@ -305,7 +305,8 @@ impl ContactConfig {
             (Some(name), None) => {
                 if self.radius.is_some() || self.sole.is_some() {
                     let message = "the robot's profile defines the shape of a foot";
-                    return Err(ConfigError::key(key("foot"), message).advise("name its `frame` instead"));
+                    return Err(ConfigError::key(key("foot"), message)
+                        .advise("name the `frame` of the foot instead of `foot`"));
                 }
                 let feet = profile.map(|profile| &profile.feet);
                 let Some(foot) = feet.and_then(|feet| feet.get(name)) else {

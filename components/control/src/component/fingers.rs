@@ -51,7 +51,7 @@ impl FingerGoals {
         if !fingers(parts).is_empty() {
             declare.optional_input::<MotionGoal>(
                 FINGERS_INPUT,
-                "positions of the fingers' joints; before the first goal the tasks move them",
+                "positions of the fingers' joints; before the first goal, the tasks move these joints",
             );
         }
     }

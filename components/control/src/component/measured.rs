@@ -1,4 +1,4 @@
-//! The robot of a controller, and its state measured by topics.
+//! The robot of a controller, and its state read from topics.
 
 use motorium::component::RunClock;
 use motorium::prelude::*;
@@ -66,8 +66,8 @@ pub struct FreshStep {
     /// `true` if this step begins a sequence of fresh states: the first step, or the first one after an
     /// interruption.
     pub begins: bool,
-    /// Time since the last step with a fresh state, s. After missed steps it spans several periods, so that
-    /// setpoints do not lag behind the robot.
+    /// Time since the last step with a fresh state, s. After missed steps, this time spans several periods,
+    /// so that setpoints do not lag behind the robot.
     pub dt: f64,
 }
 

@@ -240,7 +240,7 @@ impl ControllerSetup {
             if let Formulations::Velocity(instead) = formulations
                 && self.torque
             {
-                let message = format!("task `{name}` has no form for torques");
+                let message = format!("task `{name}` is not available with `inverse_dynamics`");
                 return Err(ConfigError::key(&context.path, message).advise(instead));
             }
             let unused = match (self.unknowns, acts_on) {
@@ -249,16 +249,16 @@ impl ControllerSetup {
                 _ => None,
             };
             if let Some((what, unknowns)) = unused {
-                let message = format!("task `{name}` acts on {what}, but {unknowns} alone are decided");
+                let message = format!("task `{name}` acts on {what}, but the only unknowns are {unknowns}");
                 return Err(ConfigError::key(&context.path, message)
-                    .advise("leave it out, or decide both: unknowns = \"accelerations_and_forces\""));
+                    .advise("leave it out, or solve for both: unknowns = \"accelerations_and_forces\""));
             }
             for (key, input) in [("target", target), ("wrench", wrench)] {
                 let Some(input) = input else { continue };
                 if targets[own.len()..].contains(&input) {
                     let message = format!("two tasks read their {key} from `{input}`");
                     return Err(ConfigError::key(context.key(key), message)
-                        .advise(format!("give each its own input, such as `{key} = \"left_{key}\"`")));
+                        .advise(format!("give each task its own input, such as `{key} = \"left_{key}\"`")));
                 }
                 if own.contains(&input) || !is_name(input) {
                     let message = format!("`{input}` cannot be the name of an input");
@@ -342,7 +342,7 @@ fn refuse_velocity_keys(config: &QpControllerConfig) -> Result<(), ConfigError> 
     ];
     if config.on_infeasible.is_some() {
         return Err(ConfigError::key("on_infeasible", "`inverse_dynamics` has its own key of this name")
-            .advise("move it there: inverse_dynamics = { on_infeasible = \"hold\" }"));
+            .advise("move the key there: inverse_dynamics = { on_infeasible = \"hold\" }"));
     }
     match given.into_iter().find(|(_, given)| *given) {
         None => Ok(()),
@@ -364,7 +364,7 @@ fn base_joints(
     let Some(base) = profile.and_then(|profile| profile.mobile_base.as_ref()) else {
         let message =
             format!("robot `{}` has a floating base, which joint velocities alone do not move", robot.name);
-        let advice = "add `inverse_dynamics = {}`: torques and contacts; or fix the base in its URDF or profile; a base on wheels needs a `[mobile_base]` in the profile";
+        let advice = "add `inverse_dynamics = {}` for torques and contacts, or fix the base in the robot's URDF or profile; a base on wheels needs a `[mobile_base]` in the profile";
         return Err(ConfigError::key("robot", message).advise(advice));
     };
     let names = base.joints.iter().chain(&base.wheels).chain(&base.steering);

@@ -60,7 +60,7 @@ pub struct Contact {
     pub normal: Vector3<f64>,
 }
 
-/// Error of a foot that cannot be a contact.
+/// Error returned when a foot cannot be a contact.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ContactError {
     /// The robot does not have the frame.

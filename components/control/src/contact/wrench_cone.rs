@@ -1,8 +1,8 @@
 //! Limits of the total wrench of a sole.
 
 with_defaults! {
-    /// Limits of the wrench that the world exerts on a sole, force `f` and torque `t` about the origin of its
-    /// frame, in its axes:
+    /// Limits of the wrench that the world exerts on a sole: the force `f`, and the torque `t` about the
+    /// origin of the sole's frame, both in the axes of this frame:
     ///
     /// ```text
     /// min_force <= f_z <= max_force                                    N

@@ -7,8 +7,8 @@
 //! e'' = nu' - J' v - J a             at the acceleration a
 //! ```
 //!
-//! A task is independent of the controller's unknowns. A formulation turns its equation into a least-squares
-//! cost `1/2 |W (J x - b)|^2` on the unknowns `x`:
+//! A task is independent of the controller's unknowns. A formulation turns the task's equation into a
+//! least-squares cost `1/2 |W (J x - b)|^2` on the unknowns `x`:
 //!
 //! | formulation | unknowns | desired value |
 //! |---|---|---|
@@ -17,8 +17,8 @@
 //!
 //! [`AccelerationTask`]: crate::inverse_dynamics::AccelerationTask
 //!
-//! Every task implements both traits. Costs on contact forces, torques or bounds implement one of the two
-//! directly, so their types determine which controller accepts them.
+//! Every task implements both [`VelocityTask`] and [`AccelerationTask`]. Costs on contact forces, torques or
+//! bounds directly implement one of these traits, so their types determine which controller accepts them.
 
 mod acceleration;
 mod equation;

@@ -1,4 +1,4 @@
-//! Requested motions of task errors.
+//! Responses to task errors: feedback gains, speed limits and damping.
 
 use nalgebra::Vector3;
 

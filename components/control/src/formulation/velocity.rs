@@ -10,8 +10,8 @@ use crate::state::RobotState;
 
 /// A cost on the joint velocity `v` \[rad/s or m/s\]: `1/2 |W (A v - b)|^2`, convex and finite for every `v`.
 ///
-/// Every [`Task`] implements it. With `c = gain e`, scaled down as a whole if it would exceed a maximum
-/// speed:
+/// Every [`Task`] implements this trait, with `c = gain e`, which is scaled down as a whole if it exceeds a
+/// maximum speed:
 ///
 /// ```text
 /// 1/2 |W (A v - b)|^2 + 1/2 mu |v|^2

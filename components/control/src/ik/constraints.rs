@@ -120,9 +120,9 @@ impl<S: QpSolver> DifferentialIk<S> {
 
     /// Narrows the bounds on the joint velocities by `limit` for a tick of `dt` seconds. Call this after
     /// adding all limits of positions and velocities. `before` are the velocities of the previous tick
-    /// \[rad/s or m/s\]. If other constraints contradict this limit, it is the first to be dropped for the
-    /// tick: for braking joints always, for accelerating joints only if a contact or an exact task requires
-    /// it.
+    /// \[rad/s or m/s\]. If other constraints contradict this limit, it is dropped first, for this tick only.
+    /// It is always dropped for braking joints, and for accelerating joints only if a contact or an exact
+    /// task requires more acceleration.
     ///
     /// ```
     /// use motorium_control::tasks::{PostureSettings, PostureTask};

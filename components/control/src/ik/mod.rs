@@ -25,16 +25,16 @@ with_defaults! {
     #[derive(Clone, Copy, Debug, PartialEq)]
     pub struct IkSettings;
 
-    /// Tikhonov regularisation: cost of any joint velocity \[1/(rad/s)^2\]. It makes the solution unique if
-    /// the tasks leave a joint undetermined. Default 1e-7.
+    /// Tikhonov regularisation: cost of any joint velocity \[1/(rad/s)^2\]. This cost makes the solution
+    /// unique if the tasks leave a joint undetermined. Default 1e-7.
     pub damping: f64 = 1e-7;
     /// Weight of held contacts and constraint tasks if constraints are contradictory: cost of violating them
-    /// \[1/(m/s) or 1/(rad/s)\]. Limits are never relaxed. With `None`, such a tick has no solution. Default
-    /// `None`.
+    /// \[1/(m/s) or 1/(rad/s)\]. Limits are never relaxed. With `None`, a tick with contradictory constraints
+    /// has no solution. Default `None`.
     pub relaxation: Option<f64> = None;
 }
 
-/// Error of a tick for which no joint velocity was found. The safe reaction is to stop.
+/// Error returned when no joint velocity was found for a tick. The safe reaction is to stop.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum IkError {
     /// The state, a target or a setting is not finite, or a lower limit exceeds an upper limit.
@@ -60,8 +60,8 @@ pub enum IkError {
 /// [`levels`](Self::levels) adds strict priorities: each level minimises its own sum over the velocities that
 /// preserve `A v` of all higher levels.
 ///
-/// The unknown is the velocity `v` rather than the step `v dt`, because a solver's absolute tolerances would
-/// exceed the limits of such small steps.
+/// The unknown is the velocity `v` rather than the step `v dt`, because the absolute tolerances of a solver
+/// can be larger than the limits of a single step.
 #[derive(Debug)]
 pub struct DifferentialIk<S = ActiveSetSolver> {
     settings: IkSettings,
@@ -355,8 +355,8 @@ impl<S: QpSolver> DifferentialIk<S> {
     }
 
     /// Returns the number of levels below the first that the last [`solve`](Self::solve) left undecided
-    /// because their solver found no solution. They cause no motion; the solution of the levels above remains
-    /// valid.
+    /// because their solver found no solution. Undecided levels cause no motion; the solution of the levels
+    /// above remains valid.
     pub fn undecided(&self) -> u32 {
         self.undecided
     }

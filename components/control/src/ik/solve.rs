@@ -20,10 +20,11 @@ impl<S: QpSolver> DifferentialIk<S> {
     /// A row beyond its limit returns at a speed permitted by the acceleration limit. If constraints are
     /// contradictory, they are relaxed in this order:
     ///
-    /// 1. Of the returning rows in the conflict, the row least beyond its limit
+    /// 1. Among the returning rows in the conflict, the row that is least beyond its limit
     ///    [stays](crate::limits::LimitRows::push_barrier) in place.
     /// 2. Joints brake beyond the [acceleration limit](Self::add_acceleration_limit), conflicting joints
-    ///    first. Joints accelerate beyond the limit only if a contact or an exact task requires it.
+    ///    first. Joints accelerate beyond the limit only if a contact or an exact task requires more
+    ///    acceleration.
     /// 3. If [relaxation](super::IkSettings::relaxation) is enabled, contacts and exact tasks are violated.
     ///
     /// [`conflict`](Self::conflict) then returns the contradictory constraints and the violation.

@@ -25,8 +25,8 @@ impl InverseDynamics {
     /// have no torque. The coordinates are along x and y of the sole's frame, from its origin \[m\]. Returns
     /// `None` for other shapes and unloaded contacts.
     ///
-    /// On level ground it equals the zero-moment point of the foot. It stays within the sole less its
-    /// [margin](Contact::margin), since the forces at the corners can only push.
+    /// On level ground, the centre of pressure is the zero-moment point of the foot. It keeps at least the
+    /// [margin](Contact::margin) from the edges of the sole, since the forces at the corners can only push.
     pub fn centre_of_pressure(&self, contact: usize) -> Option<[f64; 2]> {
         let place = &self.contacts[contact];
         let ContactShape::Sole { .. } = place.contact.shape else { return None };

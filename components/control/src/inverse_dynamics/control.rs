@@ -299,7 +299,7 @@ impl InverseDynamics {
 
 /// A cost on the unknowns `x = (a, f)` of [`InverseDynamics`]: `1/2 |W (A x - b)|^2`.
 ///
-/// Every [`Task`] implements it, on the accelerations:
+/// Every [`Task`] implements this trait as a cost on the accelerations:
 ///
 /// ```text
 /// A = J,   b = kp e + kd e' + nu' - J' v          kp e: no faster than the largest speeds

@@ -7,18 +7,18 @@ use serde::Deserialize;
 with_defaults! {
     /// Acceleration bounds that keep a joint within its position and velocity limits and able to brake.
     ///
-    /// Over a tick of `dt` with constant acceleration the joint moves from `(q, v)` to `q+ = q + v dt + a
-    /// dt^2 / 2`, `v+ = v + a dt`. It must end within its limits, and slowly enough to stop before them with
-    /// the deceleration `braking`:
+    /// Over a tick of `dt` with constant acceleration the joint moves from `(q, v)` to
+    /// `q+ = q + v dt + a dt^2 / 2`, `v+ = v + a dt`. The joint must end within its limits, and slowly enough
+    /// to stop before them with the deceleration `braking`:
     ///
     /// ```text
     /// v+ <= v_max,   v+^2 <= 2 braking (q_max - q+)   or   v+ <= 0
     /// ```
     ///
-    /// and likewise on the other side (viability; Del Prete, *Joint position and velocity bounds in
+    /// and likewise at the lower limits (viability; Del Prete, *Joint position and velocity bounds in
     /// discrete-time acceleration/torque control of robot arms*, IEEE RA-L 2018). A joint that is too fast to
     /// stop before its limit, or already beyond it, must stop within the tick, as far as the maximum
-    /// deceleration allows. It may stay or return but not move farther.
+    /// deceleration allows. A joint beyond its limit may stay there or return, but not move farther out.
     ///
     /// ```
     /// use motorium_control::inverse_dynamics::JointAccelerationLimits;

@@ -35,7 +35,7 @@ impl InverseDynamics {
         (self.problem.lower[variable], self.problem.upper[variable]) = (0.0, 0.0);
     }
 
-    /// Adds the rows of `limit`, which bound velocities by `lower(q) <= G(q) v <= upper(q)`. They become
+    /// Adds the rows of `limit`, which bound velocities by `lower(q) <= G(q) v <= upper(q)`. The rows become
     /// bounds on the accelerations of a tick of `dt` seconds.
     ///
     /// This is a second-order control barrier. A limit of a distance `h` requires `h' >= -rate h`, which
@@ -51,8 +51,8 @@ impl InverseDynamics {
     /// so that `e >= 0`, and therefore `h >= 0`, remain true up to `a dt^2 / 2` once they hold. (Nguyen and
     /// Sreenath, *Exponential control barrier functions for enforcing high relative-degree safety-critical
     /// constraints*, 2016.) If constraints contradict each other, the involved row that is least beyond its
-    /// limit returns more slowly or stays in place. If torques or contacts do not permit even that, limits
-    /// are relaxed like joint limits.
+    /// limit returns more slowly or stays in place. If torques or contacts do not permit even that, these
+    /// limits are relaxed like joint limits.
     ///
     /// ```
     /// use motorium_control::inverse_dynamics::{DynamicsRows, InverseDynamics, InverseDynamicsSettings, MotionState};

@@ -16,8 +16,8 @@
 //! ```
 //!
 //! with the mass matrix `M`, the bias `h = C(q, v) v + g(q)`, and the Jacobian `J` of the contact points. The
-//! torques `tau = M_a a - J_a' f + h_a` are eliminated and computed from the solution. The friction pyramid
-//! is inscribed in Coulomb's cone; the exact cone is [available](FrictionModel) as well.
+//! torques `tau = M_a a - J_a' f + h_a` are eliminated and computed from the solution. The default friction
+//! pyramid is inscribed in Coulomb's cone; [`FrictionModel::Cone`] selects the exact cone.
 //!
 //! - [Tasks](crate::tasks) are costs on `a` or `f`, with weights or in [levels](InverseDynamics::levels).
 //! - [`Contact`] is a point, a ball or a sole on the ground.
@@ -28,8 +28,8 @@
 //! - [`JointAccelerationLimits`] convert position and velocity limits to acceleration bounds.
 //! - [`Unknowns`] selects accelerations and forces, accelerations only, or forces only.
 //! - [`InverseDynamics`] assembles and solves. If the constraints are infeasible, it returns the conflicting
-//!   ones as [`ConstraintName`] and can [relax](InverseDynamicsSettings::relaxation) those that are not
-//!   physical laws.
+//!   constraints as [`ConstraintName`], and can [relax](InverseDynamicsSettings::relaxation) constraints that
+//!   are not physical laws.
 //!
 //! Del Prete, Mansard, Ramos, Stasse and Nori, *Implementing torque control with high-ratio gear boxes and
 //! without joint-torque sensors*, 2016 (the formulation in `(a, f)`); Wieber, Tedrake and Kuindersma,

@@ -18,8 +18,8 @@ with_defaults! {
     /// Tikhonov regularisation: cost of any acceleration \[1/(rad/s2)^2\] and of any contact force \[1/N^2\].
     /// Default 1e-7.
     pub damping: f64 = 1e-7;
-    /// Cost of a contact force \[1/N\] in every level. It spreads the load over the contact points and blocks
-    /// no motion of lower levels. Default 1e-3.
+    /// Cost of a contact force \[1/N\] in every level. This cost spreads the load over the contact points and
+    /// blocks no motion of lower levels. Default 1e-3.
     pub force_weight: f64 = 1e-3;
     /// Decay rate of the velocity of a slipping contact \[1/s\]. Default 20.
     pub contact_damping: f64 = 20.0;
@@ -39,8 +39,8 @@ with_defaults! {
     pub torque_fraction: f64 = 1.0;
     /// Weight of contacts at rest and joint limits if constraints are contradictory: cost of violating them
     /// \[1/(m/s2) or 1/(rad/s2)\]. Equations of motion, torque limits and friction are physical constraints:
-    /// they are never relaxed and always admit a solution. With `None` such a tick has no solution. Default
-    /// 100.
+    /// they are never relaxed and always admit a solution. With `None`, a tick with contradictory constraints
+    /// has no solution. Default 100.
     pub relaxation: Option<f64> = Some(100.0);
     /// Maximum total number of iterations in a tick, which bounds its duration. If relaxation is enabled,
     /// half of the iterations are reserved for it. The iterations that the first level does not use are
@@ -59,7 +59,7 @@ pub enum Unknowns {
     /// limits; forces and torques are not limited. Contact forces within friction are then chosen for these
     /// accelerations, and torques are computed from the model: `tau = M_a a - J_a' f + h_a`.
     Accelerations,
-    /// Contact forces only. They move the base of a robot whose joints rest: `M_b a_b = J_b' f - h_b`.
+    /// Contact forces only. The forces move the base of a robot whose joints rest: `M_b a_b = J_b' f - h_b`.
     /// Friction, unilateral forces, wrenches of soles and torque limits apply. A motion task of the body
     /// becomes a task on the forces; as a [constraint](super::InverseDynamics::constrain) it is an equality
     /// of the floating base. Torques are `tau = M_ab a_b - J_a' f + h_a`.
@@ -70,8 +70,9 @@ pub enum Unknowns {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum FrictionModel {
-    /// Four faces inscribed in the cone, `|f_x|, |f_y| <= mu / sqrt(2) f_n`. Friction is 29 % less along the
-    /// tangents, and exact halfway between them. Solved by the active-set method.
+    /// Four faces inscribed in the cone, `|f_x|, |f_y| <= mu / sqrt(2) f_n`. Compared with the cone, friction
+    /// is 29 % smaller along the two tangents, and exact halfway between them. Solved by the active-set
+    /// method.
     #[default]
     Pyramid,
     /// The exact cone, solved by Clarabel. Friction is exact in every direction, at tens of times the cost of
@@ -79,7 +80,7 @@ pub enum FrictionModel {
     Cone,
 }
 
-/// Error of a tick without a solution.
+/// Error returned when a tick has no solution.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum InverseDynamicsError {
     /// The state, a target or a setting is not finite, or a lower limit exceeds an upper limit.
@@ -136,8 +137,8 @@ pub struct InverseDynamicsSolution {
     /// Total number of iterations in the tick: all solutions of the first level, relaxed or not, and of the
     /// levels below.
     pub iterations: u32,
-    /// Number of levels below the first that were left undecided because their solver reached its limit. They
-    /// cause no motion.
+    /// Number of levels below the first that were left undecided because their solver reached its iteration
+    /// limit. Undecided levels cause no motion.
     pub undecided: u32,
     /// Number of constraints that are active at the solution: torque limits, faces of friction pyramids,
     /// bounds.

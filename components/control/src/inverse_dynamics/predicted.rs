@@ -1,4 +1,4 @@
-//! The robot one tick ahead, and rows that return towards their limits.
+//! Prediction of the robot one tick ahead, and limit rows that return towards their limits.
 
 use motorium_robots::{Kinematics, Model};
 

@@ -23,9 +23,9 @@ use crate::checks::{in_range, per_joint};
 ///
 /// `b` is the speed from which a deceleration of `a` merges into the exponential approach of
 /// [`PositionLimit`], with the same `rate` and `margin`. Limits of positions and velocities take precedence.
-/// Unlike them, this limit does not let a moving joint stop immediately.
-/// [`DifferentialIk::add_acceleration_limit`](crate::DifferentialIk::add_acceleration_limit) drops it if
-/// other constraints contradict it.
+/// Unlike position and velocity limits, this limit does not let a moving joint stop immediately.
+/// [`DifferentialIk::add_acceleration_limit`](crate::DifferentialIk::add_acceleration_limit) drops this limit
+/// if other constraints contradict it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AccelerationLimit {
     position: PositionLimit,

@@ -9,14 +9,14 @@ use crate::RobotState;
 /// Maximum speed of a frame's return from beyond a plane \[m/s\].
 const RECOVERY: f64 = 0.01;
 
-/// Keeps the origin `p` of a frame within half-spaces `n' p <= d` of the world, less a margin:
+/// Keeps the origin `p` of a frame within half-spaces `n' p <= d` of the world, reduced by a margin:
 ///
 /// ```text
 /// n' J_v v  <=  min(rate, 1/dt) (d - margin - n' p)               m/s, at least -0.01
 /// ```
 ///
-/// (OpenSoT's constraint.) Use this limit for a table, a wall or a box around the hand. A frame beyond a
-/// plane returns at up to 1 cm per second, or stays if other limits prevent the return.
+/// OpenSoT has the same constraint. Use this limit for a table, a wall or a box around the hand. A frame
+/// beyond a plane returns at up to 1 cm per second, or stays if other limits prevent the return.
 #[derive(Clone, Debug)]
 pub struct CartesianPositionLimit {
     frame: FrameId,
@@ -46,8 +46,8 @@ impl CartesianPositionLimit {
         Self::new(model, frame, planes)
     }
 
-    /// Sets the rate, which is the fraction of the remaining distance that may be covered per second \[1/s\],
-    /// and the margin \[m\].
+    /// Sets the rate and the margin. The rate \[1/s\] is the fraction of the remaining distance that may be
+    /// covered per second; the margin \[m\] is the distance kept from the planes.
     #[must_use]
     pub fn with(mut self, rate: f64, margin: f64) -> Self {
         (self.rate, self.margin) = (rate, margin);

@@ -13,7 +13,7 @@ use crate::RobotState;
 /// -angular <= J_w v <= angular                    rad/s
 /// ```
 ///
-/// (OpenSoT's constraint.) If a bound is infinite, its three rows are omitted.
+/// OpenSoT has the same constraint. If a bound is infinite, its three rows are omitted.
 #[derive(Clone, Debug)]
 pub struct CartesianVelocityLimit {
     frame: FrameId,

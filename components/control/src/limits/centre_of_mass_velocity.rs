@@ -16,7 +16,7 @@ use crate::checks::in_range;
 /// -most <= J_com v <= most                                m/s
 /// ```
 ///
-/// (OpenSoT's constraint.) An axis with an infinite bound is omitted.
+/// OpenSoT has the same constraint. An axis with an infinite bound is omitted.
 #[derive(Clone, Debug)]
 pub struct CentreOfMassVelocityLimit {
     most: Vector3<f64>,
@@ -70,7 +70,7 @@ impl CentreOfMassLimitConfig {
                 .advise("give the largest speed along at least one axis, such as `x = 0.2`"));
         }
         if model.mass() <= 0.0 {
-            let message = format!("robot `{}` has no mass, so no centre of mass", model.name());
+            let message = format!("robot `{}` has no mass and therefore no centre of mass", model.name());
             return Err(ConfigError::key(key, message));
         }
         Ok(CentreOfMassVelocityLimit::new(model, most))

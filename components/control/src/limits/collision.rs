@@ -34,7 +34,8 @@ with_defaults! {
 /// Rows for the witnesses of the nearest pairs.
 const WITNESSES: usize = 32;
 
-/// Slows the approach of pairs of solids: two of the robot, or one of the robot and an obstacle:
+/// Slows the approach of pairs of solids. A pair consists of two solids of the robot, or of a solid of the
+/// robot and an obstacle:
 ///
 /// ```text
 /// dd/dq v  >=  -min(rate, 1/dt) (d - distance)                    m/s, at most recovery
@@ -229,7 +230,7 @@ impl CollisionConfig {
         let range = in_range(&key("range"), self.range, distance..=1e3)?;
         let rate = in_range(&key("rate"), self.rate, 1e-3..=1e6)?;
         if !(1..=256).contains(&self.pairs) {
-            return Err(ConfigError::key(key("pairs"), format!("{}, expected from 1 to 256", self.pairs)));
+            return Err(ConfigError::key(key("pairs"), format!("{}, expected 1 to 256", self.pairs)));
         }
         let options = CollisionOptions { leave_out_defects: true, ..CollisionOptions::default() };
         let mut solids = CollisionModel::new(model, &options)
@@ -261,7 +262,7 @@ impl CollisionConfig {
         solids.retain_pairs(|[one, other]| !(fixed[*one] && *other >= first));
         leave_out_near(&mut solids, model, profile, distance, |link, object, found| {
             let message = format!(
-                "link `{link}` is {} m from `{object}` at home, expected at least {distance} m",
+                "link `{link}` is {} m from `{object}` in the home pose, expected at least {distance} m",
                 (found * 1e4).round() / 1e4
             );
             ConfigError::key(key("objects"), message).advise(format!(
@@ -311,7 +312,7 @@ impl CollisionConfig {
         let known = || world.objects.iter().map(|object| object.name.as_str());
         if known().next().is_none() {
             return Err(ConfigError::key(key, "the world has no objects")
-                .advise("add them to `[world]`: objects = [{ name = \"box\", shape = { box = { size = [0.1, 0.1, 0.1] } }, position = [0.5, 0.0, 0.05] }]"));
+                .advise("add objects to `[world]`: objects = [{ name = \"box\", shape = { box = { size = [0.1, 0.1, 0.1] } }, position = [0.5, 0.0, 0.05] }]"));
         }
         if let WorldObjects::Named(names) = desired
             && let Some(unknown) = names.iter().find(|name| !known().any(|known| known == *name))

@@ -16,7 +16,7 @@ pub struct LimitsConfig {
     pub position: PositionLimit,
     /// Limits of joint velocities.
     pub velocity: VelocityLimit,
-    /// Limits of joint accelerations, without `inverse_dynamics`. Default: no limits.
+    /// Limits of joint accelerations. Only without `inverse_dynamics`. Default: no limits.
     pub acceleration: Option<AccelerationConfig>,
     /// Limits of the positions and velocities of frames. Default: no limits.
     pub frames: Vec<FrameLimitConfig>,

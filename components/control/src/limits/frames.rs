@@ -54,7 +54,7 @@ impl FrameLimitConfig {
         for (axis, (name, range)) in [("x", self.x), ("y", self.y), ("z", self.z)].into_iter().enumerate() {
             let Some([least, most]) = range else { continue };
             if most - least < 2.0 * margin {
-                let message = format!("from {least} to {most}, with a margin of {margin}");
+                let message = format!("the range {least} to {most} is too narrow for a margin of {margin}");
                 return Err(ConfigError::key(key(name), message)
                     .advise("give the smaller bound first, and at least twice the margin between them"));
             }

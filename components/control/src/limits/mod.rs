@@ -33,8 +33,8 @@ use motorium_qp::Problem;
 
 use crate::RobotState;
 
-/// A limit as bounds on the joint velocity `v` \[rad/s or m/s\]. The bounds always admit `v = 0`, so any set
-/// of such limits is feasible in every state.
+/// A limit as bounds on the joint velocity `v` \[rad/s or m/s\]. The bounds always admit `v = 0`, so any
+/// combination of these limits is feasible in every state.
 pub trait Limit {
     /// Narrows the bounds of `problem`, whose unknowns are the joint velocities, to satisfy this limit for a
     /// tick of `dt` seconds.

@@ -15,8 +15,8 @@ with_defaults! {
     /// ```
     ///
     /// so that one tick never crosses a limit and the distance to the limit shrinks at most exponentially. A
-    /// joint outside its limits may stay or return but not move farther (zero velocity stays feasible, as in
-    /// OpenSoT). Joints without limits are not affected.
+    /// joint outside its limits may stay there or return, but not move farther out (zero velocity stays
+    /// feasible, as in OpenSoT). Joints without limits are not affected.
     #[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
     #[serde(default, deny_unknown_fields)]
     pub struct PositionLimit;

@@ -1,4 +1,4 @@
-//! Limits of combinations of velocities.
+//! Limits on linear combinations of the velocities of a robot.
 
 use motorium_qp::Problem;
 use nalgebra::{DMatrix, Isometry3};
@@ -14,8 +14,8 @@ pub trait RowLimit {
     /// Writes the rows for a tick of `dt` seconds. Rows that are not written are unbounded.
     fn write(&mut self, state: &RobotState<'_>, dt: f64, rows: &mut LimitRows<'_>);
 
-    /// Updates the pose of a moving object of the world, given by its index. The default implementation
-    /// ignores it.
+    /// Updates the pose of a moving object of the world, given by its index. The default implementation does
+    /// nothing.
     fn move_object(&mut self, _object: usize, _pose: &Isometry3<f64>) {}
 
     /// Returns the smallest distance at the last tick \[m\]. Returns `None` if no pair was in range or this
@@ -55,9 +55,9 @@ impl<'a> LimitRows<'a> {
     /// row v >=  min(-rate left, recovery)              else: it comes back, no faster than `recovery` [m/s]
     /// ```
     ///
-    /// A step along the tangent of a curved constraint violates it in second order. Without the return, such
-    /// errors would accumulate. If no velocity satisfies all limits, a row beyond its limit stays in place. A
-    /// distance that is NaN counts as 0.
+    /// A step along the tangent of a curved constraint violates it in second order. Without the return, these
+    /// violations would accumulate. If no velocity satisfies all limits, a row beyond its limit stays in
+    /// place. A distance that is NaN counts as 0.
     ///
     /// # Panics
     /// If the limit has already written all its rows.

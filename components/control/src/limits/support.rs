@@ -27,15 +27,16 @@ pub enum Supported {
 }
 
 /// Keeps the centre of mass `c` of the robot, or its capture point, above the convex hull of points on the
-/// ground, less a margin. For each edge of the hull, with its outward unit normal `n` and its offset `d = n'
-/// p`,
+/// ground, reduced by a margin. For each edge of the hull, with its outward unit normal `n` and its offset
+/// `d = n' p`,
 ///
 /// ```text
 /// n' J_com v  <=  rate max(d - margin - n' c, 0)       x and y of the world; rate of the centre of mass, 1/s
 /// ```
 ///
-/// (OpenSoT's convex hull and capture point: `n' (c + c' / o) <= d - margin` is equivalent with the rate
-/// `o`.) Rates are limited to what one step allows. Outside the hull the point may stay or return.
+/// OpenSoT has the same constraint for the convex hull. Its constraint for the capture point,
+/// `n' (c + c' / o) <= d - margin`, is equivalent to this constraint with the rate `o`. Rates are limited so
+/// that one step does not cross an edge. A point outside the hull may stay or return.
 ///
 /// ```
 /// use motorium_control::limits::{SupportLimit, Supported};
@@ -105,7 +106,7 @@ impl SupportLimit {
         }
     }
 
-    /// Returns the outward normals of the edges and the offsets of the edges along them \[m\].
+    /// Returns the edges, each as its outward normal and its offset along this normal \[m\].
     pub fn edges(&self) -> &[(Vector2<f64>, f64)] {
         &self.edges
     }

@@ -51,7 +51,7 @@ with_defaults! {
 /// the frame moves with a push. The solution is exact for a wrench that is constant over a step of any
 /// length. The motion stops at the maximum displacement or rotation; from there it can only return.
 ///
-/// (OpenSoT's Cartesian admittance is the case without a mass.) Hogan, *Impedance control: an approach to
+/// OpenSoT's Cartesian admittance is the case without a mass. Hogan, *Impedance control: an approach to
 /// manipulation*, 1985.
 ///
 /// ```

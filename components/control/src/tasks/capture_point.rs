@@ -13,7 +13,7 @@ use super::target::TargetInput;
 use crate::inverse_dynamics::{AccelerationTask, InverseDynamics};
 use crate::{GoalTolerance, MotionState, RobotState};
 
-/// Minimum height of the centre of mass above the contacts \[m\]; lower heights are raised to it.
+/// Minimum height of the centre of mass above the contacts \[m\]; lower heights are raised to this minimum.
 const LOWEST: f64 = 0.05;
 
 /// Moves the capture point `k`, where the robot would have to step to come to rest, to a point `k*` on the
@@ -31,8 +31,9 @@ const LOWEST: f64 = 0.05;
 /// for a slowly changing height (Pratt, Carff, Drakunov and Goswami, *Capture point: a step toward humanoid
 /// push recovery*, 2006; Englsberger, Ott and Albu-Schäffer, *Three-dimensional bipedal walking control based
 /// on divergent component of motion*, 2015). The capture point converges to its target at the rate `gain`,
-/// and the centre of mass follows it at the rate `o`, so no velocity has to be specified. The zero-moment
-/// point `k + gain / o (k - k*)` must be within the support. The task is inactive without an active contact.
+/// and the centre of mass follows the capture point at the rate `o`, so no velocity has to be specified. The
+/// zero-moment point `k + gain / o (k - k*)` must be within the support. The task is inactive without an
+/// active contact.
 ///
 /// ```
 /// use motorium_control::{inverse_dynamics::{Contact, InverseDynamics, MotionState}, tasks::CapturePoint};

@@ -74,8 +74,8 @@ impl CartesianSettings {
 /// ```
 ///
 /// where `J_b` is the Jacobian of the frame in its own axes, `nu_t` the velocity of the target in the
-/// target's axes, and `Jlog` the derivative of the logarithm (Pink's frame task). At acceleration level, the
-/// derivatives are finite differences along the motion.
+/// target's axes, and `Jlog` the derivative of the logarithm. Pink's frame task is the same. At acceleration
+/// level, the derivatives are finite differences along the motion.
 ///
 /// A [geometric](PoseError::Geometric) error is in world axes, at the origin of the frame. With the
 /// orientations `R` of the frame and `R*` of the target, and the classical accelerations of both,
@@ -85,7 +85,7 @@ impl CartesianSettings {
 /// nu = (v*, w*),   J = J_world                    geometric Jacobian of the frame
 /// ```
 ///
-/// (the task of OpenSoT and TSID). Near the target both errors are the same.
+/// OpenSoT and TSID have the same task. Near the target, both errors are equal.
 ///
 /// With [`shares`](CartesianSettings::shares) position and rotation are separate, so that either can be free
 /// without affecting the other. [`AxisShares`] defines `e`, in axes `A` that may rotate with an angular
@@ -163,8 +163,9 @@ impl CartesianTask {
         self.set_moving_target(target, Twist::zero(), Twist::zero());
     }
 
-    /// Sets a moving target: its pose in the world, its velocity and its classical acceleration. Both are in
-    /// world axes, linear (of the target's origin) and angular \[m/s, rad/s; m/s2, rad/s2\].
+    /// Sets a moving target: its pose in the world, its velocity and its classical acceleration. Velocity and
+    /// acceleration are in world axes: linear (of the target's origin) and angular \[m/s, rad/s; m/s2,
+    /// rad/s2\].
     pub fn set_moving_target(&mut self, target: Isometry3<f64>, velocity: Twist, acceleration: Twist) {
         (self.target, self.velocity, self.acceleration) = (target, velocity, acceleration);
     }

@@ -45,7 +45,7 @@ impl CentreOfMassSettings {
 /// W = weight diag(shares)
 /// ```
 ///
-/// (the task of OpenSoT, Pink and TSID). Links fixed to the world are ignored.
+/// OpenSoT, Pink and TSID have the same task. Links fixed to the world are ignored.
 ///
 /// ```
 /// use motorium_control::{RobotState, tasks::{CentreOfMassTask, VelocityTask}};
@@ -176,7 +176,8 @@ impl CentreOfMassConfig {
     fn build(&self, context: &TaskContext<'_>) -> Result<CentreOfMassTask, ConfigError> {
         let mass: f64 = context.model.bodies().iter().map(|body| body.inertia.mass).sum();
         if mass.is_nan() || mass <= 0.0 {
-            let message = format!("robot `{}` has no mass, so no centre of mass", context.model.name());
+            let message =
+                format!("robot `{}` has no mass and therefore no centre of mass", context.model.name());
             return Err(ConfigError::key(&context.path, message));
         }
         for share in self.shares {

@@ -14,8 +14,8 @@ use crate::RobotState;
 /// W = weight                            1/(m/s), 1/(rad/s)
 /// ```
 ///
-/// (OpenSoT's contact task.) It holds the feet of a floating-base robot on the first of several
-/// [levels](crate::DifferentialIk::levels).
+/// OpenSoT has the same task. On the first of several [levels](crate::DifferentialIk::levels), the task holds
+/// the feet of a floating-base robot in place.
 #[derive(Clone, Debug)]
 pub struct ContactTask {
     frame: FrameId,

@@ -1,4 +1,4 @@
-//! Tasks for contact forces: minimum, or target tracking.
+//! Tasks that minimise contact forces, or make them follow a target.
 
 use motorium_robots::Model;
 use nalgebra::Vector3;
@@ -14,7 +14,7 @@ use crate::inverse_dynamics::{AccelerationTask, InverseDynamics};
 /// A = the identity on all contact forces,   b = 0,   W = weight      1/N
 /// ```
 ///
-/// (TSID's force regularisation.)
+/// TSID has the same task, the force regularisation.
 #[derive(Clone, Debug)]
 pub struct ForceRegularisation {
     weight: f64,

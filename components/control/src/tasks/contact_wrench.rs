@@ -22,7 +22,7 @@ use crate::inverse_dynamics::{AccelerationTask, InverseDynamics};
 /// W = diag(f, f, f, n, n, n)            1/N, 1/Nm
 /// ```
 ///
-/// (PyRoboLearn's wrench task.) A point or ball contact transmits only the torque of its lever arm.
+/// PyRoboLearn has the same task. A point or ball contact transmits only the torque of its lever arm.
 #[derive(Clone, Debug)]
 pub struct ContactWrench {
     contact: usize,

@@ -136,8 +136,11 @@ impl TaskContext<'_> {
             .advise("add `inverse_dynamics = {}`, or use `gain`"));
         }
         if gain != default {
-            return Err(ConfigError::key(self.key("gain"), "together with `impedance`, which replaces it")
-                .advise("keep one of the two"));
+            return Err(ConfigError::key(
+                self.key("gain"),
+                "it is given together with `impedance`, which replaces it",
+            )
+            .advise("keep one of the two"));
         }
         Ok(())
     }

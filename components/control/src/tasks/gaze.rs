@@ -53,7 +53,7 @@ impl GazeSettings {
 /// W  = weight
 /// ```
 ///
-/// (OpenSoT's gaze task, which has two rows and assumes a point at rest). The point is assumed to move at
+/// OpenSoT's gaze task has two rows and assumes a point at rest. Here, the point is assumed to move at
 /// constant velocity.
 ///
 /// ```

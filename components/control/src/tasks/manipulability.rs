@@ -34,11 +34,12 @@ pub enum Measure {
 /// W = weight                                      1/(rad/s)
 /// ```
 ///
-/// (OpenSoT's task, and PyRoboLearn's task of force manipulability.) Velocity manipulability moves the robot
-/// away from singular configurations. Force manipulability moves it towards them, where the gradient is
-/// unbounded and the maximum speed applies. A singular configuration has no gradient, and the task commands
-/// zero velocity. A floating base does not change the measure and is commanded to rest. Under acceleration
-/// control, velocity errors decay at the [`rate`](Self::rate).
+/// OpenSoT has the same task, and PyRoboLearn has the same task for force manipulability. Velocity
+/// manipulability moves the robot away from singular configurations. Force manipulability moves the robot
+/// towards singular configurations, where the gradient is unbounded and the maximum speed applies. A singular
+/// configuration has no gradient, and the task commands zero velocity. A floating base does not change the
+/// measure and is commanded to rest. Under acceleration control, velocity errors decay at the
+/// [`rate`](Self::rate).
 #[derive(Clone, Debug)]
 pub struct ManipulabilityTask {
     frame: FrameId,

@@ -35,7 +35,8 @@ task_config! {
 pub enum MinimumOf {
     /// Velocities. With `inverse_dynamics` the joints are damped.
     Velocity,
-    /// Accelerations. Without `inverse_dynamics`, the change of the velocities from step to step.
+    /// Accelerations. Without `inverse_dynamics`, the task minimises the change of the velocities from step
+    /// to step.
     Acceleration,
     /// Efforts that support the robot's weight, relative to their limits. Only for robots with a fixed base.
     Effort,
@@ -64,16 +65,15 @@ impl TaskKind for MinimumConfig {
         match self.of {
             MinimumOf::Velocity | MinimumOf::Effort => context.rate(self.rate).map(drop)?,
             _ if self.rate.is_some() => {
-                let message = "it has no effect on a quantity other than `velocity` and `effort`";
+                let message = "this key has no effect on a quantity other than `velocity` and `effort`";
                 return Err(ConfigError::key(context.key("rate"), message).advise("leave it out"));
             }
             _ => {}
         }
         if self.of == MinimumOf::Effort && context.model.base().floating {
-            let message =
-                "`effort` for a robot with a floating base, whose drive loads depend on its contact forces";
+            let message = "`effort` requires a fixed base: with a floating base, the drive loads depend on the contact forces";
             return Err(ConfigError::key(context.key("of"), message)
-                .advise("of = \"torque\" minimises the torques of the drives instead"));
+                .advise("of = \"torque\" minimises the torques of the drives, also with a floating base"));
         }
         Ok(())
     }

@@ -12,7 +12,8 @@ use crate::inverse_dynamics::{AccelerationTask, InverseDynamics};
 /// A = 1 on all accelerations,   b = 0,   W = weight diag(shares)       1/(rad/s2) or 1/(m/s2)
 /// ```
 ///
-/// (PyRoboLearn's task.) The task does not stop a moving robot; use a posture task without `kp` for that.
+/// PyRoboLearn has the same task. The task does not stop a moving robot; use a posture task without `kp` for
+/// that purpose.
 #[derive(Clone, Debug)]
 pub struct AccelerationMinimum {
     weight: f64,
@@ -28,7 +29,7 @@ impl AccelerationMinimum {
         Self { weight: 1e-2, shares: vec![1.0; model.nv()], cost: Cost::identity(0, model.nv()) }
     }
 
-    /// Sets the weight factor of one acceleration; zero leaves it free.
+    /// Sets the weight factor of one acceleration; zero leaves this acceleration free.
     ///
     /// # Panics
     /// If `acceleration` is out of range.

@@ -1,4 +1,4 @@
-//! Moves the joints towards configurations in which the robot's weight loads its drives less.
+//! Moves the joints towards configurations in which the robot's weight loads the drives less.
 
 use motorium_robots::{Dynamics, Model};
 use nalgebra::Vector3;
@@ -17,10 +17,10 @@ const STEP: f64 = 1e-5;
 /// J = 1 on all velocities,   nu = -gain dm/dq,   W = weight      1/(rad/s)
 /// ```
 ///
-/// (OpenSoT's task.) `dg/dq` of the joints is the second derivative of the potential energy and therefore
-/// symmetric. The gradient is thus the change of `g` along the scaled efforts: one central difference for any
-/// number of joints. A floating base is commanded to rest. Under acceleration control, velocity errors decay
-/// at the [`rate`](Self::rate).
+/// OpenSoT has the same task. `dg/dq` of the joints is the second derivative of the potential energy and
+/// therefore symmetric. The gradient is thus the change of `g` along the scaled efforts: one central
+/// difference for any number of joints. A floating base is commanded to rest. Under acceleration control,
+/// velocity errors decay at the [`rate`](Self::rate).
 ///
 /// ```
 /// use motorium_control::{RobotState, tasks::{MinimumEffortTask, VelocityTask}};

@@ -12,10 +12,10 @@ use crate::{MotionState, RobotState};
 /// J = 1 on all velocities,   nu = v*,   W = weight diag(shares)     1/(rad/s) or 1/(m/s)
 /// ```
 ///
-/// (OpenSoT's and PyRoboLearn's tasks of minimum velocity, `v* = 0`, and of minimum acceleration, `v*` the
-/// velocity of the previous tick.) Weight factors let some joints, or a floating base, move more than others.
-/// Under acceleration control, the task damps the joints: velocity errors decay at the [`rate`](Self::rate),
-/// and a floating base is left to other tasks.
+/// OpenSoT and PyRoboLearn call this task minimum velocity if `v*` is zero, and minimum acceleration if `v*`
+/// is the velocity of the previous tick. Weight factors let some joints, or a floating base, move more than
+/// others. Under acceleration control, the task damps the joints: velocity errors decay at the
+/// [`rate`](Self::rate), and a floating base is left to other tasks.
 ///
 /// ```
 /// use motorium_control::tasks::MinimumVelocityTask;
@@ -62,7 +62,7 @@ impl MinimumVelocityTask {
         self.equation.rate.fill(0.0);
     }
 
-    /// Sets the weight factor of one velocity; zero leaves it free.
+    /// Sets the weight factor of one velocity; zero leaves this velocity free.
     ///
     /// # Panics
     /// If `velocity` is out of range.

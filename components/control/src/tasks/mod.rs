@@ -241,7 +241,7 @@ task_kinds! {
     "contact_wrench" => ContactWrench(contact_wrench::ContactWrenchConfig),
     /// An axis of a frame points at a target point.
     "gaze" => Gaze(gaze::GazeConfig),
-    /// Limits are soft. Not with `inverse_dynamics`.
+    /// Soft limits. Not supported with `inverse_dynamics`.
     "limit" => Limit(limit::LimitConfig),
     /// The joints move towards configurations in which a frame moves, or exerts forces, more easily.
     "manipulability" => Manipulability(manipulability::ManipulabilityConfig),
@@ -261,8 +261,8 @@ task_kinds! {
     "unicycle" => Unicycle(unicycle::UnicycleConfig),
 }
 
-/// A task as a constraint, which holds exactly, above all levels. Rows with zero weight stay free. Other
-/// weights, and damping, are ignored.
+/// A task that is a constraint: it holds exactly, above all levels. Rows with zero weight stay free; nonzero
+/// weights and the damping of the task are ignored.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ConstraintConfig {

@@ -21,7 +21,7 @@ const REST: Momentum = Momentum { linear: Vector3::new(0.0, 0.0, 0.0), angular: 
 /// W  = diag(l, l, l, g, g, g)                     1/(kg m/s) and 1/(kg m2/s); of accelerations 1/N and 1/Nm
 /// ```
 ///
-/// (OpenSoT's tasks of linear and angular momentum in one.) Momentum errors decay at the
+/// This task combines OpenSoT's tasks of linear and angular momentum. Momentum errors decay at the
 /// [`rate`](Self::rate). Without a target the momentum decays to zero. A weight of zero leaves the linear or
 /// angular part free: with an angular weight alone, the task keeps the body from turning while the limbs
 /// move. Orin, Goswami and Lee, *Centroidal dynamics of a humanoid robot*, 2013.
@@ -104,9 +104,9 @@ task_config! {
     MomentumConfig "momentum" {
         /// Rate at which the momentum decays, 1/s, 0 to 1000; limited to half the tick rate. Default 5.
         gain: f64 = 5.0 => live(GAINS, "1/s", "rate at which the momentum decays");
-        /// Cost of a force, the rate of the linear momentum, 1/N, 0 to 1000. Default 0.
+        /// Cost of a force, which is the rate of the linear momentum, 1/N, 0 to 1000. Default 0.
         linear_weight: f64 = 0.0 => live(WEIGHTS, "1/N", "cost of a force, the rate of the linear momentum");
-        /// Cost of a torque, the rate of the angular momentum, 1/Nm, 0 to 1000. Default 0.1.
+        /// Cost of a torque, which is the rate of the angular momentum, 1/Nm, 0 to 1000. Default 0.1.
         angular_weight: f64 = 0.1 => live(WEIGHTS, "1/Nm", "cost of a torque, the rate of the angular momentum");
     }
 }

@@ -81,7 +81,7 @@ impl PostureTask {
     /// damping \[N m s/rad or N s/m\] for each independent joint.
     ///
     /// # Panics
-    /// If the length of either differs from the number of independent joints.
+    /// If the length of `stiffness` or `damping` differs from the number of independent joints.
     #[must_use]
     pub fn impedance(mut self, model: &Model, stiffness: &[f64], damping: &[f64]) -> Self {
         self.equation.set_impedance(model, stiffness, damping);

@@ -53,9 +53,9 @@ impl RelativeSettings {
 /// W = diag(p, p, p, o, o, o)
 /// ```
 ///
-/// (Pink's relative frame task). A [geometric](PoseError::Geometric) error is in the axes of `a`. With the
-/// vector `d` from `a` to `b`, the velocities `v`, `w` of both frames, and their accelerations `v'`, `w'` for
-/// zero joint accelerations,
+/// Pink's relative frame task is the same. A [geometric](PoseError::Geometric) error is in the axes of `a`.
+/// With the vector `d` from `a` to `b`, the velocities `v`, `w` of both frames, and their accelerations `v'`,
+/// `w'` for zero joint accelerations,
 ///
 /// ```text
 /// e    = (p* - R_a' d, log(R* R_ab'))
@@ -115,8 +115,8 @@ impl RelativeTask {
         self.target = target;
     }
 
-    /// Returns the error `e` at the last update: linear \[m\], then angular \[rad\]. It is in the axes of
-    /// `b`, or in the axes of `a` for a geometric error.
+    /// Returns the error `e` at the last update: linear \[m\], then angular \[rad\]. The error is in the axes
+    /// of `b`, or in the axes of `a` for a geometric error.
     pub fn error(&self) -> Vector6<f64> {
         self.equation.error.fixed_rows::<6>(0).into()
     }

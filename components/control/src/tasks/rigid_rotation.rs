@@ -28,7 +28,7 @@ const STANDING: f64 = 1e-6;
 /// nu = W                                          the base keeps its velocity
 /// ```
 ///
-/// (OpenSoT's task, with the rotation of the base as feed-forward.) The task is inactive while the base
+/// This is OpenSoT's task, with the rotation of the base as feed-forward. The task is inactive while the base
 /// stands still or the wheel lies flat.
 #[derive(Clone, Debug)]
 pub struct RigidRotationTask {

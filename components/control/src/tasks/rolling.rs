@@ -29,9 +29,9 @@ const FLAT: f64 = 1e-6;
 /// W    = weight                                   1/(m/s) or 1/(m/s2)
 /// ```
 ///
-/// (OpenSoT's pure rolling.) Under acceleration control, slip decays at the [`rate`](Self::rate). On the
-/// first of several levels, the task couples a base to the rotation of its wheels. The task is inactive for a
-/// flat wheel, which has no contact point.
+/// OpenSoT has the same task, pure rolling. Under acceleration control, slip decays at the
+/// [`rate`](Self::rate). On the first of several levels, the task couples a base to the rotation of its
+/// wheels. The task is inactive for a flat wheel, which has no contact point.
 #[derive(Clone, Debug)]
 pub struct RollingTask {
     frame: FrameId,

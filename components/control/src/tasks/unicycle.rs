@@ -38,9 +38,9 @@ with_defaults! {
 /// ```
 ///
 /// Position drift is not corrected. Under acceleration control, velocity errors decay at the
-/// [`rate`](Self::rate). (OpenSoT's task, whose wheel is a [`RollingTask`](super::RollingTask) here.) With
-/// zero forward and yaw weights only sideways motion is excluded: a base moved by other tasks behaves as if
-/// on an axle.
+/// [`rate`](Self::rate). OpenSoT's task includes the wheel, which is a separate
+/// [`RollingTask`](super::RollingTask) here. With zero forward and yaw weights only sideways motion is
+/// excluded: a base moved by other tasks behaves as if on an axle.
 ///
 /// ```
 /// use motorium_control::{RobotState, tasks::{UnicycleSettings, UnicycleTask, VelocityTask}};

@@ -219,7 +219,10 @@ fn a_controller_uses_its_axes_and_refuses_empty_ones() {
             assert!(error.contains(word), "no `{word}` in\n{error}");
         }
     };
-    refused("{ position = [1, 0, 2] }", &["tasks[0].cartesian.axes.position", "2, expected from 0 to 1"]);
+    refused(
+        "{ position = [1, 0, 2] }",
+        &["tasks[0].cartesian.axes.position", "2, expected a number from 0 to 1"],
+    );
     refused("{ orientation = [[1, 0, 0], [0, -3, 0], [0, 0, 1]] }", &["axes.orientation", "from -1 to 1"]);
     refused("{ position = [1, 0] }", &["position", "expected three numbers"]);
     refused("{ position = [0, 0, 0], orientation = [0, 0, 0] }", &["tasks[0].cartesian.axes", "free"]);

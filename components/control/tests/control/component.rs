@@ -290,7 +290,7 @@ fn invalid_configurations_are_refused_with_key_and_advice() {
     assert_refused("{ tasks = [{ cartesian = { gain = -1.0 } }] }", &["tasks[0].cartesian.gain", "-1"]);
     assert_refused(
         "{ tasks = [{ centre_of_mass = { shares = [1.0, 0.0, 2.0] } }] }",
-        &["tasks[0].centre_of_mass.shares", "2, expected from 0 to 1"],
+        &["tasks[0].centre_of_mass.shares", "2, expected a number from 0 to 1"],
     );
     assert_refused("{ tasks = [{ posture = { level = 0 } }] }", &["tasks[0].posture.level", "1 to 8"]);
     assert_refused("{ tasks = [{ cartesian = { gian = 1.0 } }] }", &["gian", "gain"]);
@@ -312,7 +312,10 @@ fn invalid_configurations_are_refused_with_key_and_advice() {
     );
     let twice = "{ levels = [{ level = 1, damping = 1e-3 }, { level = 1, damping = 1e-4 }] }";
     assert_refused(twice, &["levels[1].level", "twice"]);
-    assert_refused("{ levels = [{ level = 1, damping = 2.0 }] }", &["levels[0].damping", "2, expected from"]);
+    assert_refused(
+        "{ levels = [{ level = 1, damping = 2.0 }] }",
+        &["levels[0].damping", "2, expected a number from"],
+    );
     assert_refused("{ levels = [{ level = 1 }] }", &["damping"]);
     assert_refused("{ limits = { velocity = { fraction = 1.5 } } }", &["limits.velocity.fraction", "1.5"]);
     assert_refused("{ state_timeout = \"10\" }", &["state_timeout", "unit"]);

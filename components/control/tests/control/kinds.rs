@@ -103,7 +103,7 @@ fn minimum_tasks_reduce_their_quantity() {
     );
     refused(
         "{ inverse_dynamics = {}, tasks = [{ limit = { frames = [{ max_linear = 1.0 }] } }] }",
-        &["tasks[0].limit", "no form for torques", "list limits under `limits`"],
+        &["tasks[0].limit", "not available with `inverse_dynamics`", "list limits under `limits`"],
     );
 }
 

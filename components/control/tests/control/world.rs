@@ -185,7 +185,7 @@ fn missing_or_colliding_objects_and_grounds_are_refused() {
         &format!("{{ {near}, {LIMIT} }}"),
         &[
             "limits.collision.objects",
-            "m from `ball` at home, expected at least 0.03 m",
+            "m from `ball` in the home pose, expected at least 0.03 m",
             "by `start`",
             "ignore = [[",
         ],

@@ -1,8 +1,8 @@
 //! `log.console`: prints the newest values of topics of any type as lines, on standard error.
 //!
 //! The step only copies bytes to a bounded queue; a separate thread decodes them with the layout of their
-//! topic and prints them. A slow terminal or a full pipe never blocks the graph: lines are dropped and
-//! counted instead.
+//! topic and prints them. A slow terminal or a full pipe never blocks the graph: lines that do not fit into
+//! the queue are dropped and counted.
 
 mod queue;
 

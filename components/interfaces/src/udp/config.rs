@@ -32,8 +32,8 @@ pub struct UdpSensorConfig {
     /// Default "127.0.0.1": from this machine only.
     #[serde(default = "loopback")]
     pub address: String,
-    /// Accepted senders, as "ADDRESS" or "ADDRESS:PORT"; datagrams of others are counted and dropped.
-    /// Default: any sender, if `address` is a loopback address.
+    /// Accepted senders, as "ADDRESS" or "ADDRESS:PORT"; datagrams from all other senders are counted and
+    /// dropped. Default: any sender, if `address` is a loopback address.
     #[serde(default)]
     pub from: Vec<String>,
     /// Local users whose datagrams are accepted: "own" for the user of the graph and root, "any" for all
@@ -83,8 +83,10 @@ impl UdpSensorConfig {
             return Err(ConfigError::key("type", message).advise(advice));
         };
         if layout.size > LONGEST {
-            let message =
-                format!("`{}` has {} bytes, a datagram at most {LONGEST}", self.type_name, layout.size);
+            let message = format!(
+                "`{}` has {} bytes, but a datagram has at most {LONGEST}",
+                self.type_name, layout.size
+            );
             return Err(ConfigError::key("type", message)
                 .advise("send it through a bridge, such as `bridge.iceoryx2`"));
         }

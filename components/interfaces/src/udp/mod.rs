@@ -1,8 +1,8 @@
 //! `sensor.udp`: publishes datagrams from other programs as states.
 //!
 //! A datagram holds one value of a built-in state, in its memory layout. Each step publishes the newest valid
-//! datagram in the queue. Its source time is the time at which the kernel received it. Senders on this
-//! machine are checked by the owner of their socket.
+//! datagram in the queue. The source time of the published state is the time at which the kernel received the
+//! datagram. Senders on this machine are checked by the owner of their socket.
 
 mod config;
 mod owners;

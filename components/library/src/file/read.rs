@@ -11,7 +11,7 @@ use crate::{BuildError, Entry, Frame, Layout, LibraryParts, Metric, MotionLibrar
 /// Largest size of a library file, bytes.
 const LONGEST: u64 = 2 * 1024 * 1024 * 1024;
 
-/// Error of reading a file that is not a valid library.
+/// Error returned when a file cannot be read as a library.
 #[derive(Debug, thiserror::Error)]
 pub enum FileError {
     /// The file system reported an error.
@@ -32,7 +32,7 @@ pub enum FileError {
     },
     /// The file is not a motion library.
     #[error(
-        "not a motion library: it begins with `{}`; `motorium library build` creates one from recordings",
+        "not a motion library: it begins with `{}`; `motorium library build` creates libraries from recordings",
         .found.escape_ascii()
     )]
     Magic {
@@ -46,7 +46,9 @@ pub enum FileError {
         found: u32,
     },
     /// The file is too short or too long.
-    #[error("{found} bytes, expected {expected}: the file is truncated or has extra bytes; build it again")]
+    #[error(
+        "{found} bytes, expected {expected}: the file is truncated or has extra bytes; build the library again"
+    )]
     Length {
         /// Number of bytes found.
         found: usize,
@@ -54,7 +56,9 @@ pub enum FileError {
         expected: u64,
     },
     /// The checksum is wrong, because the file was changed after it was written.
-    #[error("the checksum is {found:016x}, expected {expected:016x}: the file is damaged; build it again")]
+    #[error(
+        "the checksum is {found:016x}, expected {expected:016x}: the file is damaged; build the library again"
+    )]
     Checksum {
         /// Checksum of the bytes found.
         found: u64,

@@ -99,7 +99,8 @@ impl CentroidalMpc {
     /// reference.
     ///
     /// # Errors
-    /// [`SolveError`] from the solver. Never infeasible, because zero force satisfies all constraints.
+    /// [`SolveError`] from the solver. The program is never infeasible, because zero force satisfies all
+    /// constraints.
     pub fn solve(
         &mut self,
         state: &CentroidalState,

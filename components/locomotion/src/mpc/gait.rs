@@ -17,7 +17,7 @@ pub struct Gait {
     offsets: Vec<f64>,
 }
 
-/// Invalid gait parameters.
+/// Error returned when the parameters of a gait are invalid.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum GaitError {
     /// The period is not positive.
@@ -27,7 +27,7 @@ pub enum GaitError {
     #[error("a foot is in stance for a fraction {0} of the period, expected more than 0 and less than 1")]
     Duty(f64),
     /// The offset is not a fraction of the period.
-    #[error("a foot has an offset of {0} periods, expected from 0 to 1")]
+    #[error("a foot has an offset of {0} periods, expected 0 to 1")]
     Offset(f64),
 }
 
@@ -36,7 +36,7 @@ impl Gait {
     /// starting at its phase in `offsets` (fractions of the period).
     ///
     /// # Errors
-    /// [`GaitError`].
+    /// [`GaitError`] if the period is not positive, or if the duty factor or an offset is out of range.
     pub fn new(period: f64, duty: f64, offsets: Vec<f64>) -> Result<Self, GaitError> {
         if !(period > 0.0 && period.is_finite()) {
             return Err(GaitError::Period(period));

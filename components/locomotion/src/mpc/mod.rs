@@ -2,9 +2,9 @@
 //!
 //! The state `s = (t, c, k, v)` of the whole robot consists of the rotation vector `t` of its base relative
 //! to the reference, the position `c` and velocity `v` of its centre of mass, and the angular momentum `k`
-//! about it, all in world axes. It depends on the contact forces `f_i` at the points `p_i` only, not on the
-//! joints. With the mass `m`, the inertia `I` about the centre of mass in the current posture, and the
-//! angular velocity `w*` of the reference,
+//! about the centre of mass, all in world axes. This state depends only on the contact forces `f_i` at the
+//! points `p_i`, not on the joints. With the mass `m`, the inertia `I` about the centre of mass in the
+//! current posture, and the angular velocity `w*` of the reference,
 //!
 //! ```text
 //! t' = I^-1 k - w*          c' = v          k' = sum (p_i - c) x f_i          v' = sum f_i / m + g
@@ -18,12 +18,12 @@
 //! subject to |f_x|, |f_y| <= friction / sqrt(2) f_z,   0 <= f_z <= max_force,   of points on the ground
 //! ```
 //!
-//! with a share `f*` of the weight for each contact point. The states are eliminated. Forces at other points
-//! are zero.
+//! with a share `f*` of the weight for each contact point. The states are eliminated. Forces at points
+//! without contact are zero.
 //!
 //! - [`Gait`] and [`Stepping`] define the contact schedule.
 //! - [`CentroidalMpc`] solves the program.
-//! - [`LegPlanner`] combines them for a legged robot that follows a velocity.
+//! - [`LegPlanner`] combines gait and program for a legged robot that follows a velocity.
 //! - [`Swing`] moves a foot from its lift-off position to its [foothold](foothold).
 //!
 //! Di Carlo, Wensing, Katz, Bledt and Kim, *Dynamic locomotion in the MIT Cheetah 3 through convex

@@ -14,7 +14,8 @@ use super::{
 /// Settings of a [`LegPlanner`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlannerSettings {
-    /// Settings of the centroidal controller; its mass is replaced by the model's.
+    /// Settings of the centroidal controller. The mass in these settings is replaced by the mass of the
+    /// model.
     pub mpc: MpcSettings,
     /// Interval between two solutions \[s\]; 0 solves in each step.
     pub solve_every: f64,

@@ -12,7 +12,7 @@
 //! ```
 //!
 //! with gains from bandwidths: `k_x = m w^2`, `k_v = 2 m w`, `k_R = J w_a^2`, `k_W = 2 J w_a`. The integral
-//! term, an addition to the paper, removes the error of a wrong mass or thrust.
+//! term, an addition to the paper, removes the position error that a wrong mass or thrust causes.
 //!
 //! [`Mixer`] distributes thrust and torque among the rotors, and reduces torque before thrust at saturation.
 

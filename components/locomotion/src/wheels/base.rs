@@ -33,7 +33,7 @@ pub enum BaseKind {
     Planar,
 }
 
-/// Error of wheels that do not suit the kind of base.
+/// Error returned when the wheels do not suit the kind of base.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum WheelError {
     /// There are too few fixed wheels.
@@ -90,8 +90,8 @@ impl WheelBase {
     /// Creates a base with fixed and steered wheels, any of which may be driven.
     ///
     /// # Errors
-    /// [`WheelError`] if there is no steered wheel, one is on the axle of the fixed wheels, or there are too
-    /// few fixed wheels.
+    /// [`WheelError`] if there is no steered wheel, if a steered wheel is on the axle of the fixed wheels, or
+    /// if there are too few fixed wheels.
     pub fn ackermann(wheels: Vec<Wheel>) -> Result<Self, WheelError> {
         let base = Self::rolling(BaseKind::Ackermann, wheels)?;
         if !base.wheels.iter().any(|wheel| wheel.steered) {
@@ -124,8 +124,8 @@ impl WheelBase {
         Ok(Self { kind: BaseKind::Mecanum, wheels, axle: 0.0, ways })
     }
 
-    /// Creates a base whose pose is given by three joints, x, y and yaw. Their velocities are treated as
-    /// wheel speeds.
+    /// Creates a base whose pose is given by three joints, x, y and yaw. The velocities of these joints are
+    /// treated as wheel speeds.
     pub fn planar() -> Self {
         let ways = vec![Vector3::x(), Vector3::y(), Vector3::z()];
         Self { kind: BaseKind::Planar, wheels: vec![Wheel::default(); 3], axle: 0.0, ways }

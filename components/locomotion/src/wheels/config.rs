@@ -18,11 +18,11 @@ with_defaults! {
     #[serde(default, deny_unknown_fields)]
     pub struct WheelsConfig;
 
-    /// Maximum rim speed of a wheel, m/s. The velocity limits of the joints apply in any case. Default: no
-    /// further limit.
+    /// Maximum rim speed of a wheel, m/s, in addition to the velocity limits of the joints. Default: no
+    /// additional limit.
     pub speed: Option<f64> = None;
     /// Maximum acceleration of the rim of a wheel, m/s^2; for joints that form the pose of the base, m/s^2
-    /// and rad/s^2. Acceleration limits of the profile apply as well. Default 1.
+    /// and rad/s^2. The acceleration limits in the robot's profile apply in addition. Default 1.
     pub acceleration: f64 = 1.0;
     /// Proportional gain of the wheels, N m/rad, which acts against friction. Default: the profile's gain, or
     /// 20/s times `wheel_kd`.

@@ -7,11 +7,11 @@
 //!
 //! - [`WheelBase`] converts the velocity of a base to speeds and angles of its wheels, and wheel rotations to
 //!   the displacement of the base.
-//! - [`WheelDrive`] controls the wheels to a velocity within their limits of speed, acceleration and
-//!   steering.
+//! - [`WheelDrive`] moves the wheels towards a velocity of the base, within their limits of speed,
+//!   acceleration and steering.
 //! - [`RobotWheels`] turns the velocity of a robot's base into the setpoints of all its joints.
 //! - [`Odometry`] integrates the displacement. It assumes rolling without slip, along an arc between two
-//!   samples; slip is modelled in its covariance only.
+//!   samples; only the covariance models slip.
 //!
 //! ```
 //! use motorium_locomotion::wheels::{Odometry, PlanarTwist, Wheel, WheelBase};
@@ -56,7 +56,7 @@ pub struct PlanarTwist {
 }
 
 impl PlanarTwist {
-    /// Returns the same motion `factor` times as fast, along the same arc.
+    /// Returns the motion along the same arc, `factor` times as fast.
     #[must_use]
     pub fn scaled(self, factor: f64) -> Self {
         Self { x: factor * self.x, y: factor * self.y, yaw: factor * self.yaw }

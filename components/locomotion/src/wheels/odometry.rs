@@ -6,10 +6,10 @@ use super::{PlanarPose, PlanarTwist, WheelBase};
 
 /// Pose of a base with its uncertainty, integrated from wheel angles along exact arcs.
 ///
-/// It assumes rolling without slip, with the nominal radii and wheel positions. The velocity between two
-/// samples is assumed constant in base axes, so on an arc the sample period has no effect. Slip is modelled
-/// as random and independent per wheel, with the standard deviation `slip * sqrt(distance)` (`slip` in m for
-/// 1 m travelled). Systematic errors of radius or track are not included.
+/// The odometry assumes rolling without slip, with the nominal radii and wheel positions. The velocity
+/// between two samples is assumed constant in base axes, so on an arc the sample period has no effect. Slip
+/// is modelled as random and independent per wheel, with the standard deviation `slip * sqrt(distance)`
+/// (`slip` in m for 1 m travelled). Systematic errors of radius or track are not included.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Odometry {
     pose: PlanarPose,

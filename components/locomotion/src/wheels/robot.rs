@@ -1,4 +1,4 @@
-//! The wheels of a robot: from the velocity of its base to the setpoints of all its joints.
+//! Conversion of the velocity of a robot's base to the setpoints of all its joints.
 
 use motorium_robots::{
     Dynamics, Gains, Kinematics, MobileBase, Model, Profile, ProfileError, Steering, UnknownFrame,
@@ -19,7 +19,7 @@ pub struct BaseJoint {
     pub sign: f64,
 }
 
-/// Error of a robot whose wheels cannot be controlled.
+/// Error returned when the wheels of a robot cannot be controlled.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum RobotWheelsError {
     /// The profile of the robot has no mobile base.
@@ -71,9 +71,9 @@ impl RobotWheelsError {
     /// Returns an action that fixes the error, if one is known.
     pub fn help(&self) -> Option<&'static str> {
         match self {
-            Self::Missing { .. } => {
-                Some("add `[mobile_base]` to its profile, with `drive`, `frame`, `wheels` and `wheel_radius`")
-            }
+            Self::Missing { .. } => Some(
+                "add `[mobile_base]` to the robot's profile, with `drive`, `frame`, `wheels` and `wheel_radius`",
+            ),
             Self::Independent { .. } => Some("use a differential, Ackermann or omnidirectional base"),
             Self::Gains(_) => Some("add `[gains]` to the profile of the robot"),
             _ => None,

@@ -119,7 +119,7 @@ fn unflyable_robots_are_rejected_with_a_reason() {
         ("panda", "{}", "has no rotors"),
         ("quadrotor", "{ attitude_frequency = 5.0 }", "at least three times `position_frequency`"),
         ("quadrotor", "{ max_thrust_share = 0.4 }", "produce at most 0.240 N"),
-        ("quadrotor", "{ integral_rate = 9.0 }", "expected from 0 to 4"),
+        ("quadrotor", "{ integral_rate = 9.0 }", "expected a number from 0 to 4"),
     ] {
         let error = graph(robot, plant(None, 1.0), controller(config)).check().expect_err("it is rejected");
         assert!(error.render(false).contains(words), "{}", error.render(false));

@@ -393,9 +393,9 @@ fn car_in_a_graph_follows_its_curvature() {
 fn undrivable_robots_are_rejected_with_a_reason() {
     for (robot, config, joints, words) in [
         ("panda", "{}", 8, "has no wheels"),
-        ("differential-drive", "{ acceleration = 0.0 }", 2, "expected from 0.001"),
-        ("differential-drive", "{ speed = -1.0 }", 2, "expected from"),
-        ("differential-drive", "{ wheel_kd = -0.1 }", 2, "expected from 0"),
+        ("differential-drive", "{ acceleration = 0.0 }", 2, "expected a number from 0.001"),
+        ("differential-drive", "{ speed = -1.0 }", 2, "expected a number from"),
+        ("differential-drive", "{ wheel_kd = -0.1 }", 2, "expected a number from 0"),
     ] {
         let error =
             graph(robot, config, joints, steady(0.0, 0.0, FRAC_PI_2)).check().expect_err("it is rejected");

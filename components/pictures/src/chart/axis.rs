@@ -12,13 +12,13 @@ pub(super) struct Axis {
 const MARGIN: f64 = 0.04;
 
 impl Axis {
-    /// Creates the axis of the independent variable, such as time: it begins and ends with the data.
+    /// Creates the axis of the independent variable, such as time. The axis begins and ends with the data.
     pub(super) fn along(values: impl Iterator<Item = f64>, log: bool) -> Self {
         Self::fit(values, log, 0.0)
     }
 
-    /// Creates the axis of the values: it extends a little beyond them, and to zero if they nearly reach
-    /// zero.
+    /// Creates the axis of the values. The axis extends a little beyond the values, and to zero if the values
+    /// nearly reach zero.
     pub(super) fn values(values: impl Iterator<Item = f64>, log: bool) -> Self {
         Self::fit(values, log, MARGIN)
     }
@@ -82,8 +82,8 @@ impl Axis {
     }
 }
 
-/// Formats a number for an axis: three decimals without trailing zeros, very small and large ones with a
-/// power of ten.
+/// Formats a number for an axis: three decimals without trailing zeros. Very small and very large numbers are
+/// written with a power of ten.
 pub fn number(value: f64) -> String {
     if value == 0.0 {
         "0".into()

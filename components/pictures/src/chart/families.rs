@@ -1,4 +1,4 @@
-//! Families of latencies and their colours, in light and in dark.
+//! Families of latencies and their colours, for light and dark backgrounds.
 
 use std::fmt::Write as _;
 

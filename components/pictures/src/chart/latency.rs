@@ -1,4 +1,4 @@
-//! Latency against percentile, both on scales that show the tail, as SVG.
+//! Latency against percentile as SVG, on scales that show the tail.
 
 use std::fmt::Write as _;
 
@@ -28,15 +28,15 @@ const NEAR: f64 = 0.7;
 /// The latencies of one measurement.
 #[derive(Clone, Debug)]
 pub struct Latencies<'a> {
-    /// Name of the measurement; its beginning selects the family: `floor.`, `peer.`, `iceoryx2.`, else
-    /// motorium.
+    /// Name of the measurement; its beginning selects the family: `floor.`, `peer.`, `iceoryx2.`, or motorium
+    /// for any other name.
     pub name: &'a str,
     /// Text of the label.
     pub what: &'a str,
     /// Number of samples.
     pub count: u64,
-    /// Rising shares of all samples, 0 to 1, and the latency \[ns\] that they do not exceed; empty for a
-    /// measurement without samples, which is not drawn.
+    /// Points of the curve: a fraction of all samples, 0 to 1 and ascending, and the latency \[ns\] that this
+    /// fraction of the samples does not exceed. Empty for a measurement without samples, which is not drawn.
     pub curve: Vec<(f64, u64)>,
 }
 
@@ -204,10 +204,10 @@ fn spread(wanted: &[f64], heights: &[f64], top: f64, bottom: f64) -> Vec<f64> {
     tops
 }
 
-/// Draws the latencies of some measurements made on one machine against percentiles, as SVG: motorium and
-/// the floors of the machine in one panel, motorium and other systems in a second. The horizontal axis
-/// counts nines: 90 %, 99 %, 99.9 % are equally far apart. A curve ends at its longest sample, above the
-/// percentile that its number of samples reaches.
+/// Draws the latencies of measurements on one machine against percentiles, as SVG. The first panel shows
+/// motorium and the floors, which are the lowest latencies that the machine allows. The second panel shows
+/// motorium and other systems. The horizontal axis counts nines: 90 %, 99 %, 99.9 % are equally far apart. A
+/// curve ends at its longest sample, above the percentile that its number of samples reaches.
 pub fn latencies(machine: &str, measurements: &[Latencies<'_>]) -> String {
     // peers that report no samples have no curve
     let measurements: Vec<&Latencies<'_>> =

@@ -23,7 +23,7 @@ pub use tiles::{Tile, tiles};
 pub struct Series {
     /// Text of the legend; empty for a series without one.
     pub name: String,
-    /// x, y and half the length of an error bar (0: none).
+    /// Points: x, y, and half the length of the error bar, or 0 without an error bar.
     pub points: Vec<[f64; 3]>,
 }
 

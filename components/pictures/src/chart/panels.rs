@@ -35,8 +35,8 @@ impl Panel {
         Self { title: title.to_string(), curves: Vec::new(), bands: Vec::new() }
     }
 
-    /// Adds a curve to compare with, such as a recorded or a commanded one: grey and dashed. Points are
-    /// time \[s\] and value.
+    /// Adds a reference curve, such as a recorded or commanded curve, which is drawn grey and dashed. Points
+    /// are time \[s\] and value.
     pub fn reference(&mut self, points: Vec<(f64, f64)>) {
         self.curves.push(Curve { points, is_reference: true });
     }
@@ -60,8 +60,8 @@ impl Panel {
     }
 }
 
-/// Draws panels below each other; the time axis is below the last, the legend above the first. `names` belong
-/// to the references and to the other curves.
+/// Draws panels below each other, with the legend above the first panel and the time axis below the last
+/// panel. `names` are the legend texts of the reference curves and of all other curves.
 pub fn panels(panels: &[Panel], names: [&str; 2]) -> String {
     let height = TOP + panels.len() as f64 * (HEIGHT + GAP) + BOTTOM;
     let mut svg = theme::begin(WIDTH, height);

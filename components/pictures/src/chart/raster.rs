@@ -141,7 +141,7 @@ fn dashed(line: &[[f64; 2]], dashes: &[f64]) -> Vec<Vec<[f64; 2]>> {
 }
 
 impl Chart {
-    /// The chart as a PNG file: the content of [`svg`](Self::svg) at two dots per unit.
+    /// Returns the chart as a PNG file: the content of [`svg`](Self::svg) at two dots per unit.
     pub fn png(&self) -> Vec<u8> {
         let layout = Layout::for_chart(self, CHARACTER);
         let Layout { left, top, width, height, .. } = layout;

@@ -93,7 +93,7 @@ impl Series {
 }
 
 impl Chart {
-    /// The chart as an SVG picture, light or dark by the reader's preference.
+    /// Returns the chart as an SVG picture, which is light or dark according to the reader's preference.
     pub fn svg(&self) -> String {
         let layout = Layout::for_chart(self, CHARACTER);
         let mut svg = theme::begin(layout.size[0], layout.size[1]);

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use super::theme::begin;
 use crate::text::escape;
 
-/// Paths in one tile: a name, and curves (thin and grey, or thick and coloured) of x and y.
+/// Paths in one tile: a known path, thick and grey, and a computed path, thin and coloured, each in x and y.
 #[derive(Clone, Debug)]
 pub struct Tile {
     /// Text below the paths.

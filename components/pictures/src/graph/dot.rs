@@ -8,7 +8,7 @@ use super::wires::wires;
 use super::{Measured, labels};
 use crate::text::escape;
 
-/// The graph in the DOT language.
+/// Returns the graph in the DOT language, with measured values if there are any.
 pub fn dot(plan: &Plan, measured: Option<&Measured>) -> String {
     let mut text = format!("digraph \"{}\" {{\n", quote(&plan.name));
     text.push_str("    rankdir=LR;\n");

@@ -7,7 +7,7 @@ use motorium::plan::Plan;
 use super::wires::wires;
 use super::{Measured, labels};
 
-/// The graph as a Mermaid flowchart.
+/// Returns the graph as a Mermaid flowchart, with measured values if there are any.
 pub fn mermaid(plan: &Plan, measured: Option<&Measured>) -> String {
     let mut text = format!("---\ntitle: {}\n---\nflowchart LR\n", escape(&plan.name));
     for (index, component) in plan.components.iter().enumerate() {

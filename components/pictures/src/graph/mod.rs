@@ -28,15 +28,15 @@ pub use svg::svg;
 pub use timeline_svg::timeline_svg;
 pub use timeline_text::timeline_text;
 
-/// Measured values as text, for a picture of a running graph. Indices are the plan's; missing entries are not
-/// drawn.
+/// Measured values as text, for a picture of a running graph. Indices are as in the plan; missing entries are
+/// not drawn.
 #[derive(Debug, Clone, Default)]
 pub struct Measured {
-    /// By component, such as `999.9 Hz`.
+    /// Rate of each component, such as `999.9 Hz`.
     pub rates: Vec<Option<String>>,
-    /// By topic: latency from the source time to its publication, such as `p99 212 us`.
+    /// Latency of each topic, from the source time to its publication, such as `p99 212 us`.
     pub topics: Vec<Option<String>>,
-    /// By latency budget, such as `p99 231 us, 0 missed`.
+    /// Latency of each latency budget, such as `p99 231 us, 0 missed`.
     pub latencies: Vec<Option<String>>,
 }
 

@@ -17,7 +17,7 @@ const HEAD: f64 = 9.0;
 /// Radius of the corners of a wire.
 const CORNER: f64 = 9.0;
 
-/// The graph as SVG, with measured values if it was run.
+/// Returns the graph as SVG, with measured values if there are any.
 pub fn svg(plan: &Plan, measured: Option<&Measured>) -> String {
     let wires = wires(plan);
     let layers = Layers::assign(plan, &wires);

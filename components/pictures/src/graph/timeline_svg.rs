@@ -54,7 +54,7 @@ impl Page {
     }
 }
 
-/// The timeline of a graph as SVG.
+/// Returns the timeline of a graph as SVG.
 pub fn timeline_svg(name: &str, timeline: &Timeline) -> String {
     let lanes = || timeline.cores.iter().flat_map(|core| &core.lanes);
     let names = lanes().map(|lane| width(&label(lane), TEXT)).fold(0.0, f64::max);

@@ -13,7 +13,7 @@ const LEVELS: [char; 9] = [' ', '▁', '▂', '▃', '▄', '▅', '▆', '▇',
 /// A cell in which a component mostly spins.
 const SPINS: char = '░';
 
-/// The timeline as text, for a typeface of fixed width.
+/// Returns the timeline as text, for a typeface of fixed width.
 pub fn timeline_text(timeline: &Timeline) -> String {
     let names = timeline.cores.iter().flat_map(|core| &core.lanes).map(|lane| lane.component.chars().count());
     let indent = names.max().unwrap_or(0).max("core 99".len()) + 2;

@@ -9,8 +9,8 @@ pub const OBLIQUE: &str = "-50,20";
 
 /// Direction towards the camera, seen from the robot.
 ///
-/// It is parsed from `front`, `back`, `left`, `right`, `top`, or azimuth and elevation in degrees such as
-/// [`OBLIQUE`].
+/// A view is parsed from `front`, `back`, `left`, `right` or `top`, or from azimuth and elevation in degrees,
+/// such as [`OBLIQUE`].
 ///
 /// ```
 /// use motorium_pictures::robot::View;
@@ -20,9 +20,9 @@ pub const OBLIQUE: &str = "-50,20";
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct View {
-    /// About z, from the x axis towards y \[rad\].
+    /// Angle about z, from the x axis towards y \[rad\].
     azimuth: f64,
-    /// Above the horizon \[rad\].
+    /// Angle above the horizon \[rad\].
     elevation: f64,
 }
 

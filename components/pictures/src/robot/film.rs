@@ -24,15 +24,15 @@ pub struct Postures {
 pub struct Film {
     /// Times since the first sample \[s\].
     pub times_s: Vec<f64>,
-    /// Robots.
+    /// Robots of the film.
     pub robots: Vec<Postures>,
-    /// World around them.
+    /// World around the robots.
     pub world: Option<World>,
     /// Poses of the world's objects at each time.
     pub objects: Vec<Vec<Isometry3<f64>>>,
 }
 
-/// A film that cannot be drawn.
+/// Error returned when a film cannot be drawn.
 #[derive(Debug, thiserror::Error)]
 pub enum FilmError {
     /// The pictures are too large.
@@ -49,7 +49,8 @@ pub enum FilmError {
 /// Times before and after one over which the camera's motion is averaged.
 const STEADY: usize = 6;
 
-/// The pictures of a film. All have one scale, and the camera follows robots with floating bases.
+/// The pictures of a film. All pictures have the same scale, and the camera follows robots with floating
+/// bases.
 pub struct Pictures {
     scenes: Vec<Scene>,
     cameras: Vec<Camera>,
@@ -61,7 +62,8 @@ impl Pictures {
     ///
     /// # Errors
     ///
-    /// The size is too large, a robot's file can no longer be read, or no robot has a shape.
+    /// Returns an error if the size is too large, a robot's file can no longer be read, or no robot has a
+    /// shape.
     pub fn new(film: &Film, view: View, size: (f64, f64)) -> Result<Self, FilmError> {
         raster::check_size(size)?;
         let mut forms = Forms::new(Detail::Full);
@@ -111,12 +113,12 @@ impl Pictures {
         })
     }
 
-    /// Width and height of each picture in dots.
+    /// Returns the width and height of each picture in dots.
     pub fn dots(&self) -> [usize; 2] {
         self.cameras.first().map_or([0; 2], Camera::dots)
     }
 
-    /// Paints the picture at a time: rows of red, green and blue.
+    /// Paints the picture at the time with this index, as rows of red, green and blue values.
     ///
     /// # Panics
     ///

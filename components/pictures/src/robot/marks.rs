@@ -8,8 +8,8 @@ use nalgebra::{Isometry3, Vector3};
 /// Selection of the frames that are drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Frames {
-    /// The root's frame, and the frames of end effectors, feet and rotors; without a profile the ends of the
-    /// chains.
+    /// The frame of the root, and the frames of end effectors, feet and rotors. If the robot has no profile,
+    /// the frame of the root and the frame of the last link of every chain.
     Ends,
     /// The frames of the links that joints move.
     Joints,

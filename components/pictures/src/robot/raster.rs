@@ -31,7 +31,7 @@ pub(super) fn check_size((width, height): (f64, f64)) -> Result<(), SizeError> {
     }
 }
 
-/// A shaded picture is too large.
+/// Error returned when a shaded picture is too large.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[error("the size is {width}x{height}, expected at most {LARGEST} million dots in a shaded picture")]
 pub struct SizeError {

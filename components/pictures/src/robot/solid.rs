@@ -58,7 +58,7 @@ impl Skin {
 pub enum Detail {
     /// As hulls.
     Hull,
-    /// Without the triangles that are too small to be seen as one of thousands of paths.
+    /// Without very small triangles, which would not be visible in an SVG picture of thousands of paths.
     Coarse,
     /// Unchanged.
     Full,

@@ -116,8 +116,8 @@ pub struct LegConfig {
     pub joints: Vec<JointOscillationConfig>,
 }
 
-/// Oscillation of a joint: `offset + amplitude cos(phase of the leg + phase)`. Other oscillator models
-/// replace the cosine by their waveform.
+/// Oscillation of a joint: `offset + amplitude cos(phase of the leg + phase)`. Oscillator models other than
+/// "phase" replace the cosine by their waveform.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct JointOscillationConfig {
@@ -169,14 +169,14 @@ impl CpgPolicyConfig {
             return Err(ConfigError::key("coupling", message));
         }
         if !FREQUENCY.contains(&self.frequency) {
-            let message = format!("{} Hz, expected from 0 to 20", self.frequency);
+            let message = format!("{} Hz, expected 0 to 20", self.frequency);
             return Err(ConfigError::key("frequency", message));
         }
         let other = |given: bool, model, key: &str| {
             (given && self.model != model).then(|| {
                 ConfigError::key(
                     key,
-                    format!("settings of another model: `model` is \"{}\"", self.model.name()),
+                    format!("`model` is \"{}\", which does not use these settings", self.model.name()),
                 )
                 .advise(format!("set `model = \"{key}\"`, or remove `{key}`"))
             })

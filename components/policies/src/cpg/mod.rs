@@ -77,7 +77,7 @@ impl Component for CpgPolicy {
             0.0,
             0.0..=20.0,
             "rad/s",
-            "gain of the entrainment of the phases by the measured joints",
+            "gain with which the measured joints entrain the phases",
         );
         if config.model == CpgModel::Hopf {
             let default = config.duty_factor();

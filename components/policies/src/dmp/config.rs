@@ -37,8 +37,8 @@ pub struct DmpPolicyConfig {
     /// `joint_state`.
     #[serde(default)]
     pub start: Option<PoseConfig>,
-    /// Paths of primitives written by `motorium primitive fit`, relative to the graph file. Goals with
-    /// the shape `"selected"` use the one that the parameter `primitive` selects.
+    /// Paths of primitives written by `motorium primitive fit`, relative to the graph file. Goals with the
+    /// shape `"selected"` use the primitive that the parameter `primitive` selects.
     #[serde(default)]
     #[schemars(extend("format" = "path"))]
     pub primitives: Vec<String>,
@@ -102,13 +102,13 @@ pub struct GoalConfig {
     /// Orientation in the world frame as roll, pitch, yaw about the fixed axes x, y, z, in this order, rad.
     #[serde(default)]
     pub rpy: Option<[f64; 3]>,
-    /// Goal of the gripper: "open", "close", or a position of the fingers' joints, rad or m. It is published
-    /// on the output `fingers` when the movement starts, with the same duration. An object may stop the
-    /// fingers.
+    /// Goal of the gripper: "open", "close", or a position of the fingers' joints, rad or m. The goal is
+    /// published on the output `fingers` when the movement starts, with the same duration. An object may stop
+    /// the fingers.
     #[serde(default)]
     pub gripper: Option<Gripper>,
     /// Duration of the movement, at least 1 ms, such as "2 s". Default: the duration of a demonstration; for
-    /// a gripper alone, the time that the fingers need for their whole range. Otherwise required.
+    /// a gripper alone, the time that the fingers need for their whole range. Required in all other cases.
     #[serde(default)]
     pub duration: Option<TimeSpan>,
     /// Time to stay at the goal, such as "500 ms". Default 0.
@@ -160,8 +160,8 @@ pub struct WeightsConfig {
 pub struct DemonstrationConfig {
     /// Path of the recording, relative to the graph file: CSV, JSON, JSON lines (such as the output of
     /// `motorium topic echo --json`) or MCAP. Three channels are positions of the end effector in the world
-    /// frame, m. Any other number of channels are joint positions: either named after joints, with the
-    /// remaining joints at home, or one channel for each joint.
+    /// frame, m. Recordings with a different number of channels contain joint positions: channels named after
+    /// joints, with the remaining joints at home, or one channel for each joint.
     #[schemars(extend("format" = "path"))]
     pub file: String,
     /// Number of kernels for each dimension. Default 40.

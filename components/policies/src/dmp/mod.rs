@@ -35,13 +35,13 @@ use weights::LiveWeights;
 /// [`PoseReach`].
 ///
 /// With the first joint state, the policy starts at the measured pose of the end effector, or at a configured
-/// pose; before, it publishes nothing. Time advances with the ticks: after a delay of the component the
-/// target continues from its last pose without a discontinuity. After a crash the policy continues towards
-/// the current goal.
+/// pose. Before the first joint state, it publishes nothing. Time advances with the ticks: after a delay of
+/// the component, the target continues from its last pose without a discontinuity. After a crash the policy
+/// continues towards the current goal.
 ///
 /// In real time a new episode interrupts the current movement. The target stops and starts from its current
-/// pose towards the first goal, with the weights that have arrived. Relative goals keep the positions of the
-/// first episode.
+/// pose towards the first goal, with the latest weights from the input `weights`. Relative goals keep the
+/// positions of the first episode.
 #[derive(Debug)]
 pub struct DmpPolicy {
     target: Output<PoseTarget>,

@@ -124,13 +124,14 @@ impl<'a> Search<'a> {
                 None
             }
             Err(IkFailure { position_error, .. }) if !has_rotation => {
-                Some(format!("the nearest are {position_error:.3} m away"))
+                Some(format!("the nearest positions found are {position_error:.3} m away"))
             }
             Err(IkFailure { position_error, rotation_error, .. }) => {
                 let free = IkOptions { rotation_tolerance: f64::INFINITY, ..options };
-                let remark = if solve(&free).is_ok() { "; its position alone can be reached" } else { "" };
+                let remark =
+                    if solve(&free).is_ok() { "; the position of the goal alone can be reached" } else { "" };
                 Some(format!(
-                    "the nearest are {position_error:.3} m and {rotation_error:.3} rad away{remark}"
+                    "the nearest positions found are {position_error:.3} m and {rotation_error:.3} rad away{remark}"
                 ))
             }
         }

@@ -57,7 +57,7 @@ impl StartPose {
             return Ok(());
         }
         let robot = declare.robot().ok_or_else(|| {
-            ConfigError::new("no `start` is given, and the component names no robot to measure it from")
+            ConfigError::new("no `start` is given, and the component names no robot whose pose is measured")
                 .advise("add `robot = \"NAME\"` to the component, or give `start` in its config")
         })?;
         let (loaded, frame) = robot::load_moved(robot, config.frame.as_deref())?;
@@ -67,7 +67,10 @@ impl StartPose {
             "joint state, for the start pose of the end effector and the time of each step",
         );
         if loaded.model.base().floating {
-            declare.input::<BaseState>("base_state", "pose of the base, for the pose of the end effector");
+            declare.input::<BaseState>(
+                "base_state",
+                "pose of the base, needed to compute the pose of the end effector",
+            );
         }
         Ok(())
     }

@@ -62,9 +62,10 @@ impl Waypoints {
             let key = format!("primitives[{index}]");
             let model = imitation::primitive(file, robot, &key)?;
             if waypoints.primitives.first().is_some_and(|first| first.settings() != model.settings()) {
-                let message = format!("{file} was fitted with other settings than the first primitive");
+                let message =
+                    format!("the settings of {file} differ from the settings of the first primitive");
                 return Err(ConfigError::key(key, message)
-                    .advise("fit all of them with the same variant and number of kernels"));
+                    .advise("fit all primitives with the same variant and number of kernels"));
             }
             waypoints.primitives.push(model);
         }

@@ -1,4 +1,4 @@
-//! Joint commands of a policy: configuration, ports, gains, and the joints that it moves.
+//! Joint commands of a policy: configuration, ports, gains, and the moved joints.
 
 mod writer;
 
@@ -172,7 +172,7 @@ impl CommandedJoints {
         gains: impl FnOnce(&Model, Option<&Profile>) -> Result<Gains, ConfigError>,
     ) -> Result<Self, ConfigError> {
         if let Some(number) = gravity.iter().find(|number| !(-1000.0..=1000.0).contains(*number)) {
-            return Err(ConfigError::key("gravity", format!("{number}, expected from -1000 to 1000 m/s2")));
+            return Err(ConfigError::key("gravity", format!("{number}, expected -1000 to 1000 m/s2")));
         }
         let model = loaded.model;
         let mut found = Vec::new();

@@ -41,7 +41,7 @@ pub struct JointTargetsConfig {
     /// for chunks.
     #[serde(default)]
     pub limits: Option<MotionLimitsConfig>,
-    /// Transition from one chunk to the next, for actions that arrive in chunks.
+    /// Transition from one chunk to the next, for policies that publish chunks of several future actions.
     #[serde(default)]
     pub chunks: Option<ChunksConfig>,
     /// Adds the effort that compensates gravity. Default false.
@@ -92,7 +92,7 @@ pub enum WhenStale {
     Stop,
 }
 
-/// Transition from one chunk to the next.
+/// Transition from one chunk to the next. A chunk contains several future actions.
 #[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct ChunksConfig {

@@ -28,11 +28,11 @@ use source::{Actions, Chunks, PatternActions, Source};
 /// A policy that commands the joints of a robot from the newest action of another policy, or from chunks of
 /// actions.
 ///
-/// The joints of the policy are found by name; joints that it does not command hold their initial positions.
-/// An action is followed while it is younger than `hold`. Afterwards the joints ease to the default pose,
-/// hold, or receive no more commands. If the policy has a pattern, its actions command a pattern generator,
-/// which moves the joints. With limits, setpoints keep their velocity and acceleration limits even if actions
-/// change abruptly; chunks always use limits.
+/// The joints of the policy are found by name; joints that the policy does not command hold their initial
+/// positions. An action is followed while it is younger than `hold`. Afterwards the joints ease to the
+/// default pose, hold, or receive no more commands. If the policy has a pattern, its actions command a
+/// pattern generator, which moves the joints. With limits, setpoints keep their velocity and acceleration
+/// limits even if actions change abruptly; chunks always use limits.
 #[derive(Debug)]
 pub struct JointTargetsPolicy {
     writer: JointCommandWriter,
@@ -277,7 +277,7 @@ fn check(
         return Err(ConfigError::key("hold", message));
     }
     if action.kind == ActionKind::BaseTwist {
-        let message = "the action is a base twist, expected joints";
+        let message = "the action is a base twist, expected an action for joints";
         return Err(ConfigError::key("policy", message)
             .advise("wire the output `twist` of `policy.network` to a `control.wheels` instead"));
     }
@@ -375,13 +375,10 @@ fn read(source: &PolicySource, base: &Path) -> Result<Read, ConfigError> {
     };
     let Read { rate, outputs, .. } = &read;
     if !(0.1..=1e4).contains(rate) {
-        return Err(ConfigError::key(
-            "policy",
-            format!("a rate of {rate} Hz, expected from 0.1 to 10000 Hz"),
-        ));
+        return Err(ConfigError::key("policy", format!("a rate of {rate} Hz, expected 0.1 to 10000 Hz")));
     }
     if *outputs > MAX_ACTION {
-        let message = format!("{outputs} joints, but an action holds {MAX_ACTION}");
+        let message = format!("{outputs} joints, but an action has at most {MAX_ACTION} numbers");
         return Err(ConfigError::key("policy", message));
     }
     Ok(read)

@@ -24,12 +24,12 @@ use crate::joint_command::{CommandedJoints, JointCommandConfig, earth};
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LatentPolicyConfig {
-    /// Path of a model written by `motorium latent train`, relative to the graph file. Its latent point must
-    /// be a function of the human's pose.
+    /// Path of a model written by `motorium latent train`, relative to the graph file. The latent point of
+    /// the model must be a function of the human's pose.
     #[schemars(extend("format" = "path"))]
     pub model: String,
-    /// Path of a recorded movement of the human, relative to the graph file. Its channels must be the columns
-    /// of the human's space. Default: poses arrive through the port `human`.
+    /// Path of a recorded movement of the human, relative to the graph file. The channels of the movement
+    /// must be the columns of the human's space. Default: poses arrive through the port `human`.
     #[serde(default)]
     #[schemars(extend("format" = "path"))]
     pub motion: Option<String>,
@@ -101,8 +101,11 @@ pub(super) fn load(
     let model = LatentModel::load(&path)
         .map_err(|error| ConfigError::key("model", format!("{}: {error}", path.display())))?;
     let Some(human) = model.back_constrained() else {
-        return Err(ConfigError::key("model", "its latent is free, expected a function of the human's pose")
-            .advise("train it with `motorium latent train --back pose`"));
+        return Err(ConfigError::key(
+            "model",
+            "the latent points of the model are free, expected a function of the human's pose",
+        )
+        .advise("train it with `motorium latent train --back pose`"));
     };
     let names: Vec<String> = model.spaces().iter().map(|space| space.name.clone()).collect();
     let motion = config.motion.as_ref().map(|file| motion(&folder.join(file), config.rate, &human.columns));
@@ -142,7 +145,7 @@ pub(super) fn load(
         let Some(space) = names.iter().position(|known| known == name) else {
             let message = format!("the model has no space `{name}`, expected one of {}", names.join(", "));
             return Err(ConfigError::key(key, message)
-                .advise(format!("add it with `motorium latent transfer --robot {name}`")));
+                .advise(format!("add the space with `motorium latent transfer --robot {name}`")));
         };
         if space == human {
             return Err(ConfigError::key(

@@ -118,7 +118,10 @@ impl Component for LibraryPolicy {
             "request",
             "request of another movement, by label or by weights",
         );
-        declare.output::<Recognition>("recognised", "the known movement nearest to the one that just ended");
+        declare.output::<Recognition>(
+            "recognised",
+            "movement of the library nearest to the movement that just ended",
+        );
         declare.float("speed", 1.0, 0.0..=2.0, "", "speed factor; 0 holds still");
         let rank = library.rank() as i64;
         declare.integer(

@@ -25,7 +25,7 @@ impl Plane {
         let dofs = library.layout().dofs();
         if dofs != 2 {
             let message = format!(
-                "the plane of an end effector requires two degrees of freedom, the library has {dofs}"
+                "the plane of an end effector requires two degrees of freedom, but the library has {dofs}"
             );
             return Err(ConfigError::key("end_effector", message)
                 .advise("remove `end_effector`: the movements are then joint setpoints"));

@@ -116,7 +116,7 @@ pub(super) fn check(config: &LibraryPolicyConfig, library: &MotionLibrary) -> Re
     if let Some(eigenforces) =
         config.eigenforces.iter().find(|eigenforces| **eigenforces == 0 || **eigenforces > library.rank())
     {
-        let message = format!("{eigenforces} eigenforces, the library has {}", library.rank());
+        let message = format!("{eigenforces} eigenforces, but the library has {}", library.rank());
         return Err(ConfigError::key("eigenforces", message));
     }
     let recognition = &config.recognition;

@@ -39,7 +39,7 @@ pub struct NetworkPolicy {
     targets: JointTargets,
     inputs: Inputs,
     output: Output<Action>,
-    /// Target velocity of the base, for a policy that commands it.
+    /// Target velocity of the base, for a policy that commands the base.
     twist: Option<Output<TwistTarget>>,
     default_command: ParameterArray,
     config: NetworkPolicyConfig,
@@ -138,7 +138,7 @@ fn load(
     }
     for (key, numbers) in [("imu_rpy", config.imu_rpy), ("command", config.command)] {
         if let Some(number) = numbers.into_iter().find(|number| !(-10.0..=10.0).contains(number)) {
-            return Err(ConfigError::key(key, format!("{number}, expected from -10 to 10")));
+            return Err(ConfigError::key(key, format!("{number}, expected -10 to 10")));
         }
     }
     let folder = PolicyFolder::read(&base.join(&config.policy)).map_err(|error| refused("policy", &error))?;
@@ -146,13 +146,13 @@ fn load(
     let policy = folder.policy;
     let outputs = policy.outputs();
     if outputs > MAX_ACTION {
-        let message = format!("{outputs} outputs, but an action holds {MAX_ACTION}");
+        let message = format!("{outputs} outputs, but an action has at most {MAX_ACTION} numbers");
         return Err(ConfigError::key("policy", message));
     }
     if let Some(rays) =
         policy.observations.iter().filter_map(|term| term.rays).find(|rays| *rays > MAX_HEIGHTS)
     {
-        let message = format!("{rays} rays, but a height scan holds {MAX_HEIGHTS}");
+        let message = format!("{rays} rays, but a height scan has at most {MAX_HEIGHTS}");
         return Err(ConfigError::key("policy", message));
     }
     let loaded = crate::robot::load(robot)?;
@@ -185,8 +185,9 @@ fn load(
     if let Some(object) = points.objects().first() {
         let message =
             format!("\"{object}\" is not a link of the robot, and no topic has the motion of objects");
-        return Err(ConfigError::key("policy", message)
-            .advise("name links or \"target\" in `points`, or evaluate it with `motorium learn evaluate`"));
+        return Err(ConfigError::key("policy", message).advise(
+            "name links or \"target\" in `points`, or evaluate the policy with `motorium learn evaluate`",
+        ));
     }
     Ok(Loaded { policy, network, targets, observer, points, warning })
 }
@@ -200,15 +201,17 @@ impl Component for NetworkPolicy {
     fn declare(config: &NetworkPolicyConfig, declare: &mut Declare) -> Result<(), ConfigError> {
         let Loaded { policy, points, warning, .. } = load(config, declare.folder(), declare.robot())?;
         if let Some(warning) = warning {
-            declare
-                .warn(warning)
-                .key("policy")
-                .advise("evaluate the policy on this robot; `motorium model check` compares it, too");
+            declare.warn(warning).key("policy").advise(
+                "evaluate the policy on this robot; `motorium model check` also reports the difference",
+            );
         }
         if let Some(period) = declare.period() {
             let found = period.as_secs_f64().recip();
             if (found / policy.rate - 1.0).abs() > 1e-3 {
-                let message = format!("the component runs at {found} Hz, the policy at {} Hz", policy.rate);
+                let message = format!(
+                    "the component runs at {found} Hz, but the policy was trained for {} Hz",
+                    policy.rate
+                );
                 return Err(ConfigError::key("policy", message)
                     .advise(format!("write `rate = \"{} Hz\"` for the component", policy.rate)));
             }

@@ -72,8 +72,8 @@ pub struct HomeConfig {
     pub profile: Shape,
     /// Limits of the motion.
     pub limits: MotionLimitsConfig,
-    /// The pose counts as reached if no measured joint is farther than this from the joint's position in the
-    /// pose, rad or m. Default 0.01.
+    /// Maximum distance of every measured joint from its position in the pose at which the pose counts as
+    /// reached, rad or m. Default 0.01.
     pub tolerance: f64,
     /// Gravity in the world frame, m/s^2. Default: gravity of the graph's world, or 9.81 downwards.
     pub gravity: [f64; 3],
@@ -135,7 +135,8 @@ impl<'de> Deserialize<'de> for JointGoal {
 }
 
 /// A joint-space goal, with the duration of the movement and the dwell time. It has at most one of `pose`,
-/// `position`, `offset` and `end_effector`. It may have a `gripper`, alone or in addition.
+/// `position`, `offset` and `end_effector`. A `gripper` may be given alone, or together with one of these
+/// keys.
 #[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct JointGoalConfig {

@@ -197,7 +197,7 @@ fn solve(
 fn pose(name: &str, model: &Model, profile: Option<&Profile>, key: &str) -> Result<Vec<f64>, ConfigError> {
     let profile = profile.ok_or_else(|| {
         ConfigError::key(key, format!("robot `{}` has no profile, and no pose \"{name}\"", model.name()))
-            .advise("`motorium robot profile` writes a first one, with the pose \"home\"")
+            .advise("`motorium robot profile` writes a profile with the pose \"home\"")
     })?;
     // `start` of the graph file replaces the home pose, but not a pose named "home"
     let name = if name == HOME { &profile.home } else { name };

@@ -115,8 +115,8 @@ pub enum Refusal {
 }
 
 impl GoalPlanner {
-    /// Creates a planner for a robot. `frame` is the frame to which poses refer, by default the frame of the
-    /// robot's only end effector.
+    /// Creates a planner for a robot. `frame` is the frame to which poses refer; `None` selects the frame of
+    /// the robot's only end effector.
     ///
     /// # Errors
     /// [`ConfigError`] if the robot cannot be loaded, or does not have this frame.

@@ -19,7 +19,8 @@ use crate::robot::warn_of_angles;
 /// A policy that drives a base through planar poses by feedback from its odometry; see [`Route`].
 ///
 /// A goal is reached if the base is within the tolerances at the end of the dwell time. The pose for this
-/// evaluation comes from the odometry or, if wired, from the input `true_base`, which has no other use.
+/// evaluation comes from the odometry or, if wired, from the input `true_base`. That input is used for
+/// nothing else.
 #[derive(Debug)]
 pub struct WaypointsPolicy {
     odometry: Input<Odometry>,

@@ -154,7 +154,7 @@ fn goals_without_joint_positions_cause_a_warning() {
     };
     let above_its_plane = "{ position = [0.5, 0.0, 0.3], duration = \"1 s\" }";
     let text = warnings("planar-3r", above_its_plane).join("\n");
-    assert!(text.contains("goal 0: the nearest are 0.300 m away"), "{text}");
+    assert!(text.contains("goal 0: the nearest positions found are 0.300 m away"), "{text}");
 
     // nearly stretched, a tool that points back at the base would need another half metre
     let goal = |x: f64, [roll, pitch]: [f64; 2]| {
@@ -163,5 +163,8 @@ fn goals_without_joint_positions_cause_a_warning() {
     let down = goal(0.5, [PI, 0.0]);
     assert_eq!(warnings("panda", &down), Vec::<String>::new());
     let text = warnings("panda", &format!("{down}, {}", goal(0.8, [0.0, -FRAC_PI_2]))).join("\n");
-    assert!(text.contains("goal 1") && text.contains("its position alone can be reached"), "{text}");
+    assert!(
+        text.contains("goal 1") && text.contains("the position of the goal alone can be reached"),
+        "{text}"
+    );
 }

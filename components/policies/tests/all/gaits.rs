@@ -286,9 +286,15 @@ fn model_numbers_are_checked_and_other_models_refused() {
         (error.key.unwrap(), error.message)
     };
     let (key, message) = refused(json!({ "hopf": {} }));
-    assert_eq!((key.as_str(), message.as_str()), ("hopf", "settings of another model: `model` is \"phase\""));
+    assert_eq!(
+        (key.as_str(), message.as_str()),
+        ("hopf", "`model` is \"phase\", which does not use these settings")
+    );
     let (key, message) = refused(json!({ "model": "hopf", "hopf": { "duty_factor": 1.0 } }));
-    assert_eq!((key.as_str(), message.as_str()), ("hopf", "duty_factor = 1: expected from 0.05 to 0.95"));
+    assert_eq!(
+        (key.as_str(), message.as_str()),
+        ("hopf", "duty_factor = 1: expected a number from 0.05 to 0.95")
+    );
     let (key, message) = refused(json!({ "model": "matsuoka", "matsuoka": { "inhibition": 4.0 } }));
     assert!(key == "matsuoka" && message.contains("for the pair to oscillate"), "{message}");
 }

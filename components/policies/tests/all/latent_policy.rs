@@ -232,7 +232,7 @@ fn invalid_configurations_are_refused_by_key() {
     std::fs::write(folder.path().join("take.csv"), "time_s,a,b\n0,1,2\n1,2,3\n").expect("written");
     for (config, expected) in [
         ("{ model = \"missing.latent\" }", "missing.latent"),
-        ("{ model = \"free.latent\" }", "its latent is free"),
+        ("{ model = \"free.latent\" }", "the latent points of the model are free"),
         ("{ model = \"arms.latent\", motion = \"take.csv\" }", "found no channel `c`"),
         ("{ model = \"arms.latent\", rate = 30.0 }", "requires a `motion`"),
         ("{ model = \"arms.latent\", spaces = { left = \"arm\" } }", "no space `arm`"),

@@ -316,5 +316,5 @@ fn a_policy_at_another_rate_is_refused() {
     };
     declared(Duration::from_millis(20)).unwrap();
     let error = declared(Duration::from_millis(10)).unwrap_err();
-    assert_eq!(error.message, "the component runs at 100 Hz, the policy at 50 Hz");
+    assert_eq!(error.message, "the component runs at 100 Hz, but the policy was trained for 50 Hz");
 }

@@ -412,7 +412,7 @@ fn base_twists_are_no_joint_targets() {
         text.replace("target = \"target\"", "action = \"action\"").replace(", odometry = \"odometry\"", "");
     let checked = graph::check(&folder.path().join("graph.toml"), text, &[], &registry(), &Machine::detect());
     let error = checked.expect_err("it commands no joints").render(false);
-    assert!(error.contains("the action is a base twist, expected joints"), "{error}");
+    assert!(error.contains("the action is a base twist, expected an action for joints"), "{error}");
     assert!(error.contains("control.wheels"), "{error}");
 }
 

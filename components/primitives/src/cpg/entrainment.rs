@@ -1,4 +1,4 @@
-//! Entrainment of a phase by a measured one.
+//! Entrainment of an oscillator's phase by a measured phase.
 
 /// A law that pulls an oscillator towards a measured phase: `pull = gain sin(phi_measured + lead - phi)`
 /// (Adler 1946).

@@ -17,18 +17,18 @@ pub enum Gait {
     /// quarter of a stride apart. Six legs follow the metachronal wave: on each side from rear to front, a
     /// sixth of a stride apart, the two sides alternating.
     Walk,
-    /// Diagonal legs move together. Four legs.
+    /// Diagonal legs move together. Only for four legs.
     Trot,
-    /// Both legs of a side move together. Four legs.
+    /// Both legs of a side move together. Only for four legs.
     Pace,
-    /// The front legs move together, then the hind legs. With two legs, both move together (a hop). Two or
-    /// four legs.
+    /// The front legs move together, then the hind legs. With two legs, both move together (a hop). Only for
+    /// two or four legs.
     Bound,
-    /// Alternating tripods: LF, RM and LH move together, then the other three. Six legs.
+    /// Alternating tripods: LF, RM and LH move together, then RF, LM and RH. Only for six legs.
     Tripod,
 }
 
-/// Error of a gait that is not defined for this number of legs.
+/// Error returned when a gait is not defined for a number of legs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("the {gait} gait is not defined for {legs} legs: {}", advice(*.legs))]
 pub struct GaitError {

@@ -48,8 +48,8 @@ impl HopfSettings {
 ///
 /// `omega_i = omega_st / (exp(-b y_i / sqrt(mu)) + 1) + omega_sw / (exp(b y_i / sqrt(mu)) + 1)` (Righetti and
 /// Ijspeert 2008). The coupling is diffusive, `c_i = sum_j k_ij (R(-phi_ij) z_j - z_i)` with the rotation
-/// `R`. It vanishes in the pattern at equal speeds, so the amplitude stays `sqrt(mu)`. `s_i` is feedback. The
-/// output of a leg is `x`.
+/// `R`. The coupling vanishes if the oscillators are in the pattern and have equal speeds, so the amplitude
+/// stays `sqrt(mu)`. `s_i` is feedback. The output of a leg is `x`.
 #[derive(Clone, Debug)]
 pub struct HopfNetwork {
     settings: HopfSettings,

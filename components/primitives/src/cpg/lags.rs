@@ -13,7 +13,7 @@ pub struct Lag {
     pub ahead: f64,
 }
 
-/// Error of lags that do not form a consistent pattern.
+/// Error returned when phase lags do not form a consistent pattern.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum LagError {
     /// An index is out of range.

@@ -14,9 +14,10 @@
 //! same coupling for every model.
 //!
 //! `phi_ij` is the lead of `j` over `i`. A pattern is consistent if `phi_ij = -phi_ji` and the lags around
-//! every loop add up to whole turns. Exactly then the lags are differences of one phase per unit, `phi_ij =
-//! theta_j - theta_i`; [`consistent_phases`] finds these phases or names the faulty loop. The networks store
-//! `theta`, so the pattern stays consistent even during the transition from one [`Gait`] to another.
+//! every loop add up to whole turns. If and only if a pattern is consistent, the lags are differences of one
+//! phase per unit, `phi_ij = theta_j - theta_i`; [`consistent_phases`] finds these phases or names the faulty
+//! loop. The networks store `theta`, so the pattern stays consistent even during the transition from one
+//! [`Gait`] to another.
 //!
 //! Phases, amplitudes and potentials are integrated by the classical Runge-Kutta method, springs exactly. All
 //! nodes step simultaneously from the previous state. Only construction allocates.
@@ -53,7 +54,7 @@ pub use network::{LegSettings, NetworkSettings, Node, PhaseNetwork};
 pub use oscillator_network::{JointOscillation, OscillatorNetwork, OscillatorNetworkSettings};
 pub use oscillators::Oscillator;
 
-/// Error of creating or commanding a pattern generator. The generator is left unchanged.
+/// Error returned when a pattern generator cannot be created or commanded. The generator is left unchanged.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum CpgError {
     /// A number, vector or matrix is invalid.

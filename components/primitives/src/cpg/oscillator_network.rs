@@ -54,11 +54,11 @@ const DUTY: std::ops::RangeInclusive<f64> = 0.05..=0.95;
 ///
 /// `omega_i = 2 pi nu + p_i + k / (n - 1) sum_j sin((chi_j - theta_j) - (chi_i - theta_i))`.
 ///
-/// For Kuramoto oscillators this is the original model. For the others, any coupling strength preserves the
-/// shape of each cycle and the timing of the gait: legs half a stride apart remain so even if stance lasts
-/// longer than swing. `p_i` is feedback. Commands are followed by critically damped springs, so outputs and
-/// their derivatives stay continuous. Amplitudes start at 0. The coupling is evaluated at the beginning of
-/// each step.
+/// For Kuramoto oscillators this is the original model. For Hopf and Matsuoka oscillators, any coupling
+/// strength preserves the shape of each cycle and the timing of the gait: legs half a stride apart remain so
+/// even if stance lasts longer than swing. `p_i` is feedback. Commands are followed by critically damped
+/// springs, so outputs and their derivatives stay continuous. Amplitudes start at 0. The coupling is
+/// evaluated at the beginning of each step.
 #[derive(Clone, Debug)]
 pub struct OscillatorNetwork {
     settings: OscillatorNetworkSettings,
@@ -317,7 +317,7 @@ impl OscillatorNetwork {
 }
 
 fn check_duty(value: f64) -> Result<(), CpgError> {
-    let expected = "from 0.05 to 0.95";
+    let expected = "a number from 0.05 to 0.95";
     if DUTY.contains(&value) {
         Ok(())
     } else {

@@ -23,8 +23,8 @@ impl Default for Coupling<'_> {
 /// A law that slows the phase while the robot cannot follow.
 ///
 /// The rate is meant for [`Coupling::phase_rate`]. As published, only the phase waits, together with a
-/// quintic goal, which follows the phase. Multiplying `dt` by the rate instead stretches the whole movement,
-/// including the spring.
+/// quintic goal, which follows the phase. To stretch the whole movement, including the spring, multiply `dt`
+/// by the rate instead of setting the phase rate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum PhaseStop {
     /// `rate = 1 / (1 + gain |y_real - y|^2)`: Ijspeert et al. 2013, equation 2.27 written for the phase.

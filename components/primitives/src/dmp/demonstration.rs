@@ -11,7 +11,7 @@ pub struct Demonstration {
     accelerations: DMatrix<f64>,
 }
 
-/// Error of an invalid demonstration.
+/// Error returned when a demonstration is invalid.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum DemonstrationError {
     /// There are too few samples to differentiate twice.
@@ -94,7 +94,8 @@ impl Demonstration {
     /// squared), each samples x dimensions.
     ///
     /// # Errors
-    /// Same as [`Self::from_positions`]. Also if the matrices differ in shape.
+    /// [`DemonstrationError`] in the same cases as [`Self::from_positions`], and if the matrices differ in
+    /// shape.
     pub fn with_derivatives(
         duration: f64,
         positions: DMatrix<f64>,

@@ -12,9 +12,9 @@ use super::settings::{ModelError, Scaling, Settings, Variant};
 /// Regression method for the weights.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Regression {
-    /// Least squares on the forcing term with the penalty `lambda |w|^2`, over all kernels together. The
-    /// default, with `lambda = 1e-12`. For the same number of kernels, ridge regression fits far more closely
-    /// than locally weighted regression.
+    /// Least squares on the forcing term with the penalty `lambda |w|^2`, over all kernels together. This is
+    /// the default, with `lambda = 1e-12`. For the same number of kernels, ridge regression fits far more
+    /// closely than locally weighted regression.
     Ridge {
         /// Penalty, at least 0.
         lambda: f64,
@@ -37,14 +37,16 @@ impl Default for Regression {
     }
 }
 
-/// Error of fitting a primitive.
+/// Error returned when a primitive cannot be fitted to demonstrations.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum FitError {
     /// No demonstration was given.
     #[error("no demonstration given, expected at least one")]
     NoDemonstration,
     /// Demonstrations differ in their number of dimensions.
-    #[error("demonstration {index} has {found} dimensions, expected {expected} as in the first")]
+    #[error(
+        "demonstration {index} has {found} dimensions, expected {expected} as in the first demonstration"
+    )]
     Dimensions {
         /// Index of the demonstration, from 0.
         index: usize,

@@ -19,8 +19,8 @@ pub enum Gate {
 /// `p` is the progress of the movement: elapsed time divided by duration, 0 at the start and 1 at the nominal
 /// end. The phase is computed from `p` in closed form, so it does not depend on the step width.
 ///
-/// Kernel `i` of `n` is `psi_i(s) = exp(-h_i (s - c_i)^2)`. It is centred at the phase of the evenly spaced
-/// progress `i / (n - 1)`, and its value at the centre of its successor is `overlap`:
+/// Kernel `i` of `n` is `psi_i(s) = exp(-h_i (s - c_i)^2)`. The kernel is centred at the phase of the evenly
+/// spaced progress `i / (n - 1)`, and its value at the centre of its successor is `overlap`:
 /// `h_i = -ln(overlap) / (c_{i+1} - c_i)^2`. The last kernel has the width of its neighbour. The features of
 /// the forcing term are the kernels divided by their sum and multiplied by the [`Gate`].
 #[derive(Clone, Debug, PartialEq)]

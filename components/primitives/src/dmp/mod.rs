@@ -1,4 +1,4 @@
-//! Dynamic movement primitives: discrete ones here, [rhythmic](RhythmicDmp), [for
+//! Dynamic movement primitives: [discrete](DiscreteDmp), [rhythmic](RhythmicDmp), [for
 //! orientations](OrientationDmp), and with a [sampled forcing term](SampledDmp) that reproduces a
 //! demonstration to rounding.
 //!
@@ -12,17 +12,17 @@
 //! - [`QuinticGoal`](Variant::QuinticGoal): `T^2 y'' = K (g(t) - y) + D T (g'(t) - y') + T^2 g''(t) + f`,
 //!   with `f = (s - s(1)) / (1 - s(1)) sum(psi_i w_i) / sum(psi_i)` until the end, then 0, and `g(t)` the
 //!   quintic from the start state to rest at `g`.
-//! - [`FinalVelocity`](Variant::FinalVelocity): the same, but `g(t)` passes `g` with a given velocity and
-//!   continues with it.
+//! - [`FinalVelocity`](Variant::FinalVelocity): the equation of `QuinticGoal`, but `g(t)` passes `g` with a
+//!   given velocity and continues at this velocity.
 //!
-//! `f` may be scaled with the displacement ([`Scaling`]). By default it is not, so there is no division by
-//! `g - y0`.
+//! `f` may be scaled with the displacement ([`Scaling`]). By default, `f` is not scaled, so there is no
+//! division by `g - y0`.
 //!
 //! **Arrival.** Without forcing, `QuinticGoal` follows the minimum-jerk movement and is at the goal, at rest,
-//! exactly at `T`. `Classic` is off by `(1 + D/2) exp(-D/2)` of the displacement there, 5e-5 for `D = 25`;
-//! `GoalSafe` is off by the remainder of the phase, a few percent for the default decay: allow time to
-//! settle, or use a larger decay. A fitted `QuinticGoal` is off by the fit error at the end, which then dies
-//! out with the roots `-D / 2T`.
+//! exactly at `T`. At `T`, `Classic` misses the goal by `(1 + D/2) exp(-D/2)` times the displacement, 5e-5
+//! for `D = 25`. `GoalSafe` misses the goal by the remainder of the phase, a few percent for the default
+//! decay: allow time to settle, or use a larger decay. A fitted `QuinticGoal` misses the goal by the fit
+//! error at the end, which then decays with the roots `-D / 2T`.
 //!
 //! **Changes during the movement.** Goal and duration may change at any step. A [`Coupling`] adds an
 //! acceleration `T^2 C` (away from [obstacles](ObstacleAvoidance), [yielding](Yielding) to a force) and lets

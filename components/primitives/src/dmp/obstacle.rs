@@ -8,15 +8,15 @@ use nalgebra::Vector3;
 /// `C = gamma R v phi exp(-beta phi)`, where `phi`, in \[0, pi\], is the angle between the velocity `v` and
 /// the direction `o - y` to the obstacle. `R` is the rotation by 90 degrees about `(o - y) x v`, which
 /// rotates `v` away from the obstacle. `C` is normal to `v`, so it changes the direction but not the speed.
-/// As published, `C` does not depend on the distance. A finite `reach` multiplies it by `exp(-(|o - y| /
-/// reach)^2)`, so that distant obstacles have no effect.
+/// As published, `C` does not depend on the distance. A finite `reach` multiplies `C` by
+/// `exp(-(|o - y| / reach)^2)`, so that distant obstacles have no effect.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ObstacleAvoidance {
     /// Strength, 1/s per rad. Published value 1000.
     pub gamma: f64,
     /// Rate at which the effect fades with the angle, 1/rad. Published value 20 / pi.
     pub beta: f64,
-    /// Distance at which the effect has fallen to 1/e, m; infinite as published.
+    /// Distance at which the effect has fallen to 1/e, m. The published law has an infinite reach.
     pub reach: f64,
 }
 
@@ -31,7 +31,7 @@ impl ObstacleAvoidance {
     /// `position` (m) with `velocity` (m/s).
     ///
     /// The acceleration is zero at rest. It is also zero if the velocity points exactly at the obstacle,
-    /// because no side is preferred; the next deviation, however small, decides.
+    /// because no side is preferred; the next deviation, however small, determines the side.
     pub fn acceleration(
         &self,
         position: Vector3<f64>,

@@ -185,11 +185,12 @@ impl OrientationDmp {
 }
 
 /// Converts recorded orientations, evenly spaced over `duration` seconds, to a demonstration for
-/// [`DmpModel::fit`]. Its coordinates are errors with respect to the last sample. Sign changes of the
-/// quaternions have no effect. Rotations of more than half a revolution between start and goal are preserved.
+/// [`DmpModel::fit`]. The coordinates of the demonstration are errors with respect to the last sample. Sign
+/// changes of the quaternions have no effect. Rotations of more than half a revolution between start and goal
+/// are preserved.
 ///
 /// # Errors
-/// Same as [`Demonstration::from_positions`].
+/// [`DemonstrationError`] in the same cases as [`Demonstration::from_positions`].
 pub fn orientation_demonstration(
     duration: f64,
     orientations: &[UnitQuaternion<f64>],

@@ -29,7 +29,7 @@ pub struct SampledModel {
     goal: Vec<f64>,
 }
 
-/// Error of tabulating a recording.
+/// Error returned when a recording cannot be tabulated.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SampledError {
     /// The demonstration is invalid.
@@ -40,7 +40,7 @@ pub enum SampledError {
     Model(#[from] ModelError),
     /// The steps are too long for the spring to be stable.
     #[error(
-        "{steps} steps are too few for a damping of {damping}, the spring would be unstable: use at least {least} samples"
+        "{steps} steps are too few for a damping of {damping}, because the spring would be unstable: use at least {least} samples"
     )]
     TooCoarse {
         /// Number of steps found.

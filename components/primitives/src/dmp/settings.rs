@@ -9,13 +9,13 @@ use crate::ValueError;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Variant {
-    /// Ijspeert et al. 2013. Starts with an acceleration of `K (g - y0) / T^2`; for comparison with the
-    /// literature.
+    /// Ijspeert et al. 2013. Starts with an acceleration of `K (g - y0) / T^2`. For comparison with the
+    /// literature only.
     Classic,
     /// Pastor et al. 2009, Hoffmann et al. 2009. Starts smoothly and tolerates `g = y0` and a moving goal.
     GoalSafe,
     /// Muelling et al. 2013 with zero final velocity. The goal moves on a minimum-jerk polynomial, so without
-    /// forcing the motion is minimum-jerk and arrives exactly on time. The default.
+    /// forcing the motion is minimum-jerk and arrives exactly on time. This is the default.
     #[default]
     QuinticGoal,
     /// Muelling et al. 2013 as published: like [`Variant::QuinticGoal`], but each movement passes the goal
@@ -58,7 +58,7 @@ impl Variant {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", tag = "kind", deny_unknown_fields)]
 pub enum Scaling {
-    /// The forcing term of the demonstration, unchanged. The default; it involves no division.
+    /// The forcing term of the demonstration, unchanged. This is the default; it involves no division.
     #[default]
     Fixed,
     /// Scaling of each dimension by `(g - y0) / (g - y0 of the demonstration)`, at most `limit` in magnitude.
@@ -72,7 +72,8 @@ pub enum Scaling {
     },
     /// Scaling of the whole forcing vector by the ratio of the lengths of the two displacements (at most
     /// `limit`), with the smallest rotation between their directions (Ginesi et al. 2021). A curve keeps its
-    /// shape in every direction. For dimensions that share one unit, such as a position in space.
+    /// shape in every direction. Only for dimensions that share one unit, such as the coordinates of a
+    /// position.
     Similarity {
         /// Maximum ratio of lengths, at least 1.
         limit: f64,
@@ -117,7 +118,7 @@ impl Default for Settings {
     }
 }
 
-/// Error of creating a model.
+/// Error returned when a model cannot be created.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ModelError {
     /// A number, vector or matrix is invalid.
@@ -125,7 +126,7 @@ pub enum ModelError {
     Value(#[from] ValueError),
     /// A goal rate is set, but the variant plans its goal and has no goal filter.
     #[error(
-        "goal_rate is set, but a quintic goal already moves smoothly: remove it, or choose another variant"
+        "goal_rate is set, but a quintic goal already moves smoothly: remove goal_rate, or choose a variant without a quintic goal"
     )]
     NeedlessGoalRate,
 }

@@ -4,7 +4,8 @@
 /// `K = D^2 / 4`.
 ///
 /// Both roots are at `-D / 2`. A step is the exact solution for an input `u` that is linear between its
-/// values at both ends of the step. It is unconditionally stable, and exact for any constant or linear input.
+/// values at both ends of the step. The step is unconditionally stable, and exact for any constant or linear
+/// input.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CriticalSpring {
     root: f64,

@@ -69,7 +69,7 @@ impl Gmm {
     /// Fits every number of components in a range and returns the model with the smallest [`bic`](Self::bic).
     ///
     /// # Errors
-    /// Same as [`fit`](Self::fit). Also if the range is empty.
+    /// [`GmmError`] in the same cases as [`fit`](Self::fit), and if the range is empty.
     pub fn choose(
         samples: &DMatrix<f64>,
         components: std::ops::RangeInclusive<usize>,
@@ -94,7 +94,7 @@ impl Gmm {
     /// Improves this mixture by expectation maximisation on `samples` (each a row).
     ///
     /// # Errors
-    /// Same as [`fit`](Self::fit).
+    /// [`GmmError`] in the same cases as [`fit`](Self::fit).
     pub fn improved(mut self, samples: &DMatrix<f64>, fit: &GmmFit) -> Result<GmmFitted, GmmError> {
         check(samples, self.components(), fit)?;
         let floor = floor_of(samples, fit);

@@ -14,7 +14,7 @@ pub struct Gmm {
     pub(super) covariances: Vec<DMatrix<f64>>,
 }
 
-/// Error of creating a mixture.
+/// Error returned when a mixture cannot be created or evaluated.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum GmmError {
     /// A number, vector or matrix is invalid.
@@ -124,7 +124,8 @@ impl Gmm {
     /// Returns the log-likelihood, summed over the samples (each a row).
     ///
     /// # Errors
-    /// [`GmmError`] if the samples have another dimension, or a covariance is no longer positive definite.
+    /// [`GmmError`] if the dimension of the samples differs from the mixture's, or a covariance is no longer
+    /// positive definite.
     pub fn log_likelihood(&self, samples: &DMatrix<f64>) -> Result<f64, GmmError> {
         let mut joint = DMatrix::zeros(samples.nrows(), self.components());
         self.log_joint(samples, &mut joint)?;
@@ -135,7 +136,7 @@ impl Gmm {
     /// better.
     ///
     /// # Errors
-    /// Same as [`log_likelihood`](Self::log_likelihood).
+    /// [`GmmError`] in the same cases as [`log_likelihood`](Self::log_likelihood).
     pub fn bic(&self, samples: &DMatrix<f64>) -> Result<f64, GmmError> {
         let (k, d) = (self.components() as f64, self.dimensions() as f64);
         let free = k * d * (d + 1.0) / 2.0 + k * d + k - 1.0;

@@ -1,4 +1,4 @@
-//! Regression of some coordinates of a mixture on the others.
+//! Gaussian mixture regression, which predicts some coordinates of a mixture from the remaining coordinates.
 
 use std::f64::consts::TAU;
 

@@ -22,7 +22,8 @@ impl Default for KmpSettings {
     }
 }
 
-/// A kernelised primitive. [`mean`](Self::mean) does not allocate; [`covariance`](Self::covariance) does.
+/// A kernelised primitive. [`mean`](Self::mean) does not allocate; [`covariance`](Self::covariance)
+/// allocates.
 #[derive(Clone, Debug)]
 pub struct Kmp {
     settings: KmpSettings,

@@ -22,7 +22,7 @@ pub struct KmpReference {
     points: Vec<ReferencePoint>,
 }
 
-/// Error of creating or conditioning a kernelised primitive.
+/// Error returned when a kernelised primitive cannot be created or conditioned.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum KmpError {
     /// A number, vector or matrix is invalid.

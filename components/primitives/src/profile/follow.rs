@@ -9,8 +9,8 @@ const APPROACH: f64 = 0.5;
 /// Setpoints of several joints that follow targets with step changes. Velocity, acceleration and position
 /// stay within limits at every step.
 ///
-/// Each joint moves at the velocity of its target plus an approach velocity `v`. The latter is the largest
-/// velocity from which the joint can brake within the remaining distance `d`, in steps of constant velocity:
+/// Each joint moves at the velocity of its target plus an approach velocity `v`. `v` is the largest velocity
+/// from which the joint can brake within the remaining distance `d`, in steps of constant velocity:
 /// `v^2 / 2a + v dt / 2 <= d`, where `a` is half of the maximum acceleration. The jerk is not limited. Only
 /// [`new`](Self::new) allocates.
 ///

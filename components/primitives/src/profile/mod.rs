@@ -106,7 +106,8 @@ impl Profile {
         Self { distance: 0.0, duration: 0.0, kind: Kind::Quintic }
     }
 
-    /// Returns the same motion, taking at least `duration` \[s\]: a shorter motion is stretched.
+    /// Returns the motion with a duration of at least `duration` \[s\]; a shorter motion is stretched in
+    /// time.
     #[must_use]
     pub fn taking(self, duration: f64) -> Self {
         if duration <= self.duration {

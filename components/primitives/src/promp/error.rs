@@ -2,14 +2,16 @@
 
 use crate::ValueError;
 
-/// Error of creating or conditioning a probabilistic primitive.
+/// Error returned when a probabilistic primitive cannot be created, conditioned or combined.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ProMpError {
     /// A number, vector or matrix is invalid.
     #[error(transparent)]
     Value(#[from] ValueError),
     /// There are too few demonstrations to estimate the variation.
-    #[error("found {found} demonstrations, expected at least 2 to estimate a covariance; record another")]
+    #[error(
+        "found {found} demonstrations, expected at least 2 to estimate a covariance; record another demonstration"
+    )]
     TooFew {
         /// Number of demonstrations found.
         found: usize,

@@ -42,11 +42,11 @@ pub struct ProMpFit {
     /// k B) / (n + k)`. `B` contains the blocks of `S` within each dimension and is zero elsewhere. 0 is
     /// maximum likelihood. Default 3.
     ///
-    /// This is the maximum a posteriori estimate under an inverse-Wishart prior with the scale `k B` and `k -
-    /// D N - 1` degrees of freedom (Gomez-Gonzalez, Neumann, Schoelkopf, Peters, *Adaptation and robust
+    /// This is the maximum a posteriori estimate under an inverse-Wishart prior with the scale `k B` and
+    /// `k - D N - 1` degrees of freedom (Gomez-Gonzalez, Neumann, Schoelkopf, Peters, *Adaptation and robust
     /// learning of probabilistic movement primitives*, IEEE Transactions on Robotics 36, 2020). `S` has at
     /// most the rank `n - 1`. Without the prior, a few demonstrations therefore appear to vary in some
-    /// directions only, and the primitive misses positions in the others.
+    /// directions only, and the primitive misses positions in all other directions.
     pub shrinkage: f64,
 }
 
@@ -86,7 +86,7 @@ impl ProMp {
     /// `progress`.
     ///
     /// # Errors
-    /// Same as [`fit`](Self::fit).
+    /// [`ProMpError`] in the same cases as [`fit`](Self::fit).
     pub fn fit_with_progress(
         basis: ProMpBasis,
         demonstrations: &[DMatrix<f64>],

@@ -9,8 +9,8 @@
 //! - [`ProMp::fit`] learns from several demonstrations, by expectation maximisation or by ridge regression of
 //!   each;
 //! - [`ProMp::conditioned`] makes the movement pass a via point, goal or velocity;
-//! - [`ProMp::product`] combines primitives where they agree, [`blend`] makes a transition from one to
-//!   another;
+//! - [`ProMp::product`] combines primitives where they agree, [`blend`] makes a transition from one primitive
+//!   to another;
 //! - [`ProMpRunner`] follows the mean at the control rate without allocating.
 
 mod basis;

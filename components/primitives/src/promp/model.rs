@@ -109,7 +109,7 @@ impl ProMp {
     }
 
     /// Returns the noise of the demonstrations, as estimated by the fit: the variance of recorded positions
-    /// about the movement. It is 0 for a primitive from [`from_weights`](Self::from_weights).
+    /// about the movement. The noise is 0 for a primitive from [`from_weights`](Self::from_weights).
     pub fn noise(&self) -> f64 {
         self.noise
     }
@@ -141,7 +141,7 @@ impl ProMp {
         self.project(Observed::Position, phase, &self.mean)
     }
 
-    /// Returns the mean velocity at a phase, with respect to the phase.
+    /// Returns the derivative of the mean position with respect to the phase, at a phase.
     pub fn mean_velocity_at(&self, phase: f64) -> DVector<f64> {
         self.project(Observed::Velocity, phase, &self.mean)
     }
@@ -204,7 +204,7 @@ impl ProMp {
     /// with the covariance `noise`. [`conditioned`](Self::conditioned) is the special case of a position.
     ///
     /// # Errors
-    /// Same as [`conditioned`](Self::conditioned).
+    /// [`ProMpError`] in the same cases as [`conditioned`](Self::conditioned).
     pub fn conditioned_on(
         &self,
         observed: Observed,

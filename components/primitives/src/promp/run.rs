@@ -46,8 +46,8 @@ impl MeanRunner<ProMpMean> {
         &self.movement().promp
     }
 
-    /// Replaces the primitive by another with the same number of dimensions, from the next start on. Does not
-    /// allocate if the bases have equal size.
+    /// Replaces the primitive by `promp`, which must have the same number of dimensions, from the next start
+    /// on. Does not allocate if the bases have equal size.
     ///
     /// # Errors
     /// [`ProMpError`] if the number of dimensions differs.

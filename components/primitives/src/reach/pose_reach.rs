@@ -26,9 +26,9 @@ pub enum ReachPhase {
 /// Motion of an end effector from its current pose through a sequence of goals. The sequence optionally
 /// repeats from the first goal.
 ///
-/// Each segment consists of a [`DiscreteDmp`] for the position and an [`OrientationDmp`], both with the
-/// quintic goal. The end effector starts at rest without acceleration and rests at the goal exactly at the
-/// end of the duration. A fitted shape arrives within its fit error, which decays during the dwell. Each
+/// Each segment consists of a [`DiscreteDmp`] for the position and an [`OrientationDmp`], both of the variant
+/// with a quintic goal. The end effector starts at rest without acceleration and rests at the goal exactly at
+/// the end of the duration. A fitted shape arrives within its fit error, which decays during the dwell. Each
 /// segment continues position, velocity and acceleration of the previous segment, so the motion has no
 /// discontinuities.
 ///
@@ -107,7 +107,7 @@ impl PoseReach {
         self.start_with(0, pose)
     }
 
-    /// Starts like [`start`](Self::start), but with the given segment instead of the first.
+    /// Starts like [`start`](Self::start), but with the segment `segment` instead of the first segment.
     ///
     /// # Errors
     /// [`SteerError`] if the segment does not exist, or the pose is not finite.
@@ -129,7 +129,7 @@ impl PoseReach {
         Ok(())
     }
 
-    /// Abandons the movement and waits for another [`start`](Self::start). The pose stays unchanged.
+    /// Abandons the movement and waits for the next [`start`](Self::start). The pose stays unchanged.
     pub fn halt(&mut self) {
         self.phase = ReachPhase::Waiting;
     }
@@ -147,7 +147,7 @@ impl PoseReach {
     }
 
     /// Changes the shape of the path to a goal, effective from the segment's next start, without allocating.
-    /// The new primitive must have the same settings.
+    /// The new primitive must have the settings of the current primitive.
     ///
     /// # Errors
     /// [`SteerError`] if the segment does not exist or is in progress, or the primitive has different
@@ -176,8 +176,8 @@ impl PoseReach {
 
     /// Replaces the goal of the current segment. During a movement, the end effector changes course without a
     /// discontinuity and arrives at the original time, or after [half a
-    /// duration](crate::dmp::REPLANNING_TIME) if that is later. At a goal, it starts again with the duration
-    /// and shape of the current segment. The sequence then continues with the next segment.
+    /// duration](crate::dmp::REPLANNING_TIME) if that is later. At a goal, the end effector starts again with
+    /// the duration and shape of the current segment. The sequence then continues with the next segment.
     ///
     /// # Errors
     /// [`SteerError`] if the reach has not started, or the pose is not finite.

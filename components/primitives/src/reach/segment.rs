@@ -33,7 +33,7 @@ pub enum Repeat {
     Forever,
 }
 
-/// Error of an invalid sequence of segments.
+/// Error returned when a sequence of segments is invalid.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ReachError {
     /// There is no goal.
@@ -63,7 +63,7 @@ pub enum ReachError {
     },
 }
 
-/// Error of starting or steering a reach. The reach is left unchanged.
+/// Error returned when a reach cannot be started or steered. The reach is left unchanged.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum SteerError {
     /// The reach was steered before it was started.

@@ -23,7 +23,7 @@ pub enum PathShape {
     Learned(Box<DmpModel>),
 }
 
-/// Error of an invalid path shape.
+/// Error returned when the shape of a path is invalid.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ShapeError {
     /// The apex is not finite, or a component exceeds [`MAX_APEX`].
@@ -37,7 +37,7 @@ pub enum ShapeError {
     },
     /// The primitive's variant starts abruptly or arrives late.
     #[error(
-        "the learned shape is a {found:?} primitive, expected QuinticGoal: the others start with a jolt or arrive late"
+        "the learned shape is a {found:?} primitive, expected QuinticGoal: all other variants start with a jolt or arrive late"
     )]
     Variant {
         /// Variant found.

@@ -1,5 +1,5 @@
-//! Policies that are linear in their parameters, `u = W f(x)`, where `f(x)` is the input with a constant or
-//! its monomials; and movements that are polynomials of the phase.
+//! Policies that are linear in their parameters, `u = W f(x)`, and movements that are polynomials of the
+//! phase. `f(x)` is the input with a constant, or the monomials of the input.
 
 mod movement;
 mod polynomial;

@@ -44,7 +44,8 @@ impl PolynomialMovement {
     /// constants.
     ///
     /// # Errors
-    /// Same as [`PolynomialPolicy::fit`]. Also if the duration is not positive.
+    /// [`RegressionError`] in the same cases as [`PolynomialPolicy::fit`], and if the duration is not
+    /// positive.
     pub fn fit(
         demonstrations: &[DMatrix<f64>],
         duration: f64,

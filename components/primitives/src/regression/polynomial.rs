@@ -19,7 +19,7 @@ pub struct PolynomialPolicy {
     features: Vec<f64>,
 }
 
-/// Error of a polynomial policy.
+/// Error returned when a polynomial policy cannot be created, fitted or evaluated.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum RegressionError {
     /// A number, vector or matrix is invalid.

@@ -1,17 +1,17 @@
 //! Motion of a mobile base through planar poses, with feedback of its pose.
 //!
-//! A base that cannot move sideways turns on the spot to face its goal, drives there and turns to the goal's
-//! angle. An omnidirectional base drives straight there while it turns. Each of these stages follows its own
-//! [`Profile`], planned from the pose at the start of the stage. On a straight line the control law is by
-//! Kanayama et al. (*A stable tracking control method for an autonomous mobile robot*, ICRA 1990), with the
-//! errors `e` of the pose in the axes of the base and the speed `v` of the profile:
+//! A base that cannot move sideways turns on the spot to face its goal, drives to the goal and turns to the
+//! goal's angle. An omnidirectional base drives straight to the goal while it turns. Each of these stages
+//! follows its own [`Profile`], planned from the pose at the start of the stage. On a straight line the
+//! control law is by Kanayama et al. (*A stable tracking control method for an autonomous mobile robot*, ICRA
+//! 1990), with the errors `e` of the pose in the axes of the base and the speed `v` of the profile:
 //!
 //! ```text
 //! ahead = v cos e_yaw + gain e_x
 //! turn  = v e_y / l^2 + max(turn_gain, 2 |v| / l) sin e_yaw
 //! ```
 //!
-//! A base off its line returns to it within a few lengths `l`, without overshoot.
+//! A base off its line returns to the line within a few lengths `l`, without overshoot.
 //!
 //! ```
 //! use motorium_primitives::route::{Place, Route, RouteSettings, Stop};

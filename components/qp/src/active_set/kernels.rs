@@ -1,7 +1,7 @@
 //! Inner loops of the dense linear algebra, over rows padded to whole vectors of four numbers.
 //!
-//! All of them are inlined into one function compiled for the widest available instructions ([`pulp::Arch`]).
-//! Closures are not, so they contain no expensive code.
+//! All loops are inlined into one function compiled for the widest available instructions ([`pulp::Arch`]).
+//! Closures are not inlined, so they contain no expensive code.
 
 /// Numbers per vector. Leading dimensions are multiples of it.
 pub(super) const LANES: usize = 4;

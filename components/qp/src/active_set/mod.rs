@@ -3,9 +3,9 @@
 //! The solver keeps a working set: constraints held as equalities, with multipliers of the right sign. While
 //! the minimum on the working set violates a constraint, that constraint joins. A member whose multiplier
 //! would change its sign leaves. Every change raises the dual cost, so no working set recurs. If rounding
-//! breaks this, ties are broken by constraint index (Bland's rule) until the iteration limit. A constraint
-//! that repeatedly joins and leaves is violated within rounding, with a multiplier within rounding; it stays
-//! in the set.
+//! errors prevent this increase, ties are broken by constraint index (Bland's rule) until the iteration
+//! limit. A constraint that repeatedly joins and leaves is violated within rounding, with a multiplier within
+//! rounding; it stays in the set.
 //!
 //! Let `P = L L'`, let `N` hold the normals of the members, and let `B = L^-1 N`. The minimum on the working
 //! set is
@@ -22,7 +22,8 @@
 //! set is kept.
 //!
 //! A problem with a singular or very badly conditioned Hessian is solved as a sequence of well-conditioned
-//! problems (proximal point method). Their certificates distinguish *infeasible* from *unbounded*.
+//! problems (proximal point method). The certificates of these problems distinguish *infeasible* from
+//! *unbounded*.
 //!
 //! Goldfarb and Idnani, *A numerically stable dual method for solving strictly convex quadratic programs*,
 //! 1983; Arnström, Bemporad and Axehill, *A dual active-set solver for embedded quadratic programming using

@@ -1,9 +1,10 @@
 //! Tolerances of the active-set method, and the failure that each prevents.
 //!
-//! `tests/qp/tolerances.rs` has problems that fail without them, one for each except `tie`.
+//! `tests/qp/tolerances.rs` has problems that fail without these tolerances, one for each tolerance except
+//! `tie`.
 //!
-//! All are relative to the numbers with which they are compared. Rows are scaled first, so that their entries
-//! are near one.
+//! All tolerances are relative to the numbers with which they are compared. Rows are scaled first, so that
+//! their entries are near one.
 //!
 //! - The Hessian is singular, flat or badly conditioned: `singular`, `poor`, `first_shift`,
 //!   `rounds_per_shift`, `lower_shift`, `rounds`, `close`, `no_force`, `little_force`.
@@ -39,7 +40,7 @@ tolerances! {
     first_shift: f64 = 1e-4;
     /// Number of rounds with the same shift.
     rounds_per_shift: usize = 10;
-    /// Factor by which each shift reduces the previous one.
+    /// Ratio of each shift to the previous shift.
     lower_shift: f64 = 0.1;
     /// Maximum number of rounds.
     rounds: usize = 60;

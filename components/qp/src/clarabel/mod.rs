@@ -7,7 +7,7 @@
 //! - Presolve and zero-dropping are off.
 //! - The sparsity pattern comes from the [`Structure`] alone, never from values, where an exact zero would
 //!   shift every later entry.
-//! - Scaling is done here for each problem, because Clarabel's own scaling is fixed by the first one.
+//! - Scaling is done here for each problem, because Clarabel's own scaling is fixed by the first problem.
 
 mod layout;
 mod scaling;
@@ -167,7 +167,7 @@ impl ClarabelSolver {
     }
 
     /// Calls `visit` with each active inequality and cone. A constraint is active if its scaled multiplier
-    /// exceeds its scaled distance to `x`. An interior-point method leaves neither at zero.
+    /// exceeds its scaled distance to `x`. An interior-point method leaves neither quantity at exactly zero.
     pub fn visit_active(&self, visit: &mut dyn FnMut(Constraint)) {
         let found = &self.solver.solution;
         let (first, linear) = (self.structure.equality_count(), self.layout.linear_count());

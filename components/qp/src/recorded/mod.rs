@@ -15,8 +15,8 @@
 //!
 //! A matrix whose numbers are all single-precision values counts as recorded in single precision, and its
 //! rounding is tolerated. `P` may have negative curvature and may differ from its transpose by n times the
-//! spacing of single precision (1.2e-7) relative to its largest number; in double precision by 1e-9. Rows of
-//! `A` that are dependent within this tolerance are treated as exactly dependent.
+//! spacing of single precision (1.2e-7) relative to its largest number. In double precision, the tolerance is
+//! 1e-9. Rows of `A` that are dependent within this tolerance are treated as exactly dependent.
 
 mod precision;
 mod replay;
@@ -28,11 +28,11 @@ use serde::Deserialize;
 
 use super::{Problem, Sides, Structure};
 
-/// Error reading recorded problems.
+/// Error returned when recorded problems cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub enum RecordedError {
     /// The file is not JSON of the expected form.
-    #[error("expected one problem or a list of them, each with P and q: {0}")]
+    #[error("expected one problem or a list of problems, each with P and q: {0}")]
     Syntax(#[from] serde_json::Error),
     /// A token is not a JSON number.
     #[error("`{word}` at line {line} column {column}, expected a finite number; write infinity as 1e20")]

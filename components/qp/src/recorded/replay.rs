@@ -87,8 +87,8 @@ pub struct Replay {
     pub each: Option<Vec<Each>>,
 }
 
-/// Solves the problems in order, `rounds` times. With more than one round, the first is warm-up. Times cover
-/// the other rounds; accuracy covers the last round.
+/// Solves the problems in order, `rounds` times. With more than one round, the first round is a warm-up,
+/// which the times exclude. The accuracy is measured in the last round.
 pub fn replay(
     structure: &Structure,
     problems: &[Problem],

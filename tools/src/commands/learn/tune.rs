@@ -572,6 +572,6 @@ mod tests {
         assert!(reason.starts_with("expected `physics.base_height_lowest_m` > 9, found 0."), "{reason}");
         let (refused, reason) = outcome(&[25.0, 0.2]);
         assert_eq!(refused, Outcome::Refused);
-        assert!(reason.contains("expected from 0 to 20"), "{reason}");
+        assert!(reason.contains("expected 0 to 20"), "{reason}");
     }
 }

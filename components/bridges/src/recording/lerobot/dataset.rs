@@ -24,7 +24,7 @@ pub struct Dataset {
 /// A camera whose images are part of a dataset.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Camera {
-    /// Topic of its images.
+    /// Topic of the camera's images.
     pub topic: String,
     /// Name of the feature, after `observation.images.`.
     pub name: String,

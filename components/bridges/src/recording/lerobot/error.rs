@@ -56,7 +56,7 @@ pub enum DatasetError {
     },
     /// The signals and images were never all available at the same time.
     #[error(
-        "the dataset has no frame, because all signals of the state and the action, and images of all cameras, were never available together"
+        "the dataset has no frame, because the signals of the state and the action and the images of all cameras were never available at the same time"
     )]
     Empty,
 }

@@ -6,7 +6,7 @@
 //! | `data/chunk-000/file-000.parquet` | the frames: `observation.state`, `action`, `timestamp`, `frame_index`, `episode_index`, `index`, `task_index`; `observation.images.CAMERA` as PNG files within the table; an episode is a row group, with pictures one for every 200 frames |
 //! | `meta/info.json` | version, rate, counts, features with the names of their numbers |
 //! | `meta/stats.json` | least, greatest, mean, standard deviation, quantiles and count of each feature |
-//! | `meta/tasks.parquet` | the task in words |
+//! | `meta/tasks.parquet` | the description of the task |
 //! | `meta/episodes/chunk-000/file-000.parquet` | first frame, end, length and statistics of each episode |
 //!
 //! <https://huggingface.co/docs/lerobot/lerobot-dataset-v3>
@@ -51,8 +51,8 @@ pub struct DatasetCounts {
     pub frames: usize,
 }
 
-/// Writes a recording as a dataset into a folder. Each frame contains the latest samples at its time. An
-/// episode starts with a frame when all signals have a sample.
+/// Writes a recording as a dataset into a folder. Each frame contains the latest samples at its time. The
+/// first frame of an episode is at the time when every signal has a sample.
 ///
 /// # Errors
 /// Returns an error if the recording cannot be read or lacks the signals, or the files cannot be written.

@@ -15,8 +15,8 @@ use crate::parquet::{Column, Values};
 /// Encoding of depths in metres.
 const DEPTH: &str = "32FC1";
 
-/// Returns the cameras whose images a dataset can store, with 8 bits per colour, and the image topics that it
-/// cannot, such as depth images.
+/// Returns the cameras whose images a dataset can store (8 bits per colour), and the image topics that a
+/// dataset cannot store, such as depth images.
 pub fn usual_cameras(recording: &Recording) -> (Vec<Camera>, Vec<String>) {
     let mut is_depth = vec![None; recording.pictures().len()];
     for picture in recording.images() {

@@ -10,8 +10,8 @@ use super::super::{RecordedSample, Recording};
 use super::spectral_arc_length;
 use crate::foxglove::load_in_world;
 
-/// Tolerances within which a goal counts as reached. They override the tolerances in the reader's
-/// configuration.
+/// Tolerances within which a goal counts as reached. They override the tolerances in the configuration of the
+/// component that reads the targets.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Tolerance {
     /// Position tolerance, m.
@@ -96,8 +96,8 @@ pub struct GoalScore {
     pub orientation_error_rad: f64,
     /// `true` if both errors were within the tolerances.
     pub reached: bool,
-    /// Spectral arc length of the frame's speed on the path to the goal. It is about -1.4 for a movement with
-    /// one acceleration and one deceleration, and lower for hesitant movements.
+    /// Spectral arc length of the frame's speed on the path to the goal. The arc length is about -1.4 for a
+    /// movement with one acceleration and one deceleration, and lower for hesitant movements.
     pub smoothness: Option<f64>,
 }
 

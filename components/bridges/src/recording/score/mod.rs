@@ -1,8 +1,8 @@
 //! The score of a run, computed from its recording: goals, paths, tracking and limits.
 //!
 //! The score does not rely on figures reported by components. It compares recorded targets with frame poses,
-//! which are computed from recorded joint states with motorium's kinematics. The frame is the one that the
-//! reader of the targets controls.
+//! which are computed from recorded joint states with motorium's kinematics. The scored frame is the frame
+//! controlled by the component that reads the targets.
 
 mod goals;
 mod joints;

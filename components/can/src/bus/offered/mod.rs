@@ -2,8 +2,9 @@
 //! pseudo-terminal acts as an slcan adapter, to which the kernel driver can be attached, or as a line of
 //! serial servos.
 //!
-//! A [`Place`] is the address of such a bus: `unix:NAME` or `pty:PATH`. The program that simulates the bus
-//! opens an [`Offer`] there. Other programs open it with [`RealBus`](crate::RealBus), like any other bus.
+//! A [`Place`] is the address of an offered bus: `unix:NAME` or `pty:PATH`. The program that simulates the
+//! bus opens an [`Offer`] at this address. Other programs open the bus with [`RealBus`](crate::RealBus), like
+//! any other bus.
 
 mod records;
 mod terminal;

@@ -60,9 +60,10 @@ impl UnixOffer {
     pub fn open(name: &str) -> io::Result<Self> {
         let listener = new_socket()?;
         bind(&listener, &address(name)?).map_err(|error| match error {
-            Errno::ADDRINUSE => {
-                io::Error::new(io::ErrorKind::AddrInUse, "another program of this user offers it")
-            }
+            Errno::ADDRINUSE => io::Error::new(
+                io::ErrorKind::AddrInUse,
+                "another program of this user already offers this bus",
+            ),
             error => error.into(),
         })?;
         listen(&listener, PROGRAMS as i32)?;
@@ -215,7 +216,7 @@ fn connected(name: &str) -> Result<OwnedFd, OpenError> {
     if is_ours(&socket) {
         return Ok(socket);
     }
-    Err(refused(io::Error::new(io::ErrorKind::PermissionDenied, "another user offers it")))
+    Err(refused(io::Error::new(io::ErrorKind::PermissionDenied, "another user offers this bus")))
 }
 
 impl UnixBus {

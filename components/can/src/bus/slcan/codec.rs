@@ -92,7 +92,7 @@ impl Default for Reader {
 }
 
 impl Reader {
-    /// Appends a byte. Returns the line that it completes, if any.
+    /// Appends a byte. Returns the line that the byte completes, if any.
     pub fn push(&mut self, byte: u8) -> Option<Line> {
         // a bell ends any line
         if byte == 0x07 {
@@ -102,7 +102,7 @@ impl Reader {
         self.end(byte).map(|line| line.map_or(Line::Other, read))
     }
 
-    /// Adapter side: appends a byte. Returns the request that it completes, if any.
+    /// Appends a byte that the adapter has received. Returns the request that the byte completes, if any.
     pub fn push_request(&mut self, byte: u8) -> Option<Request> {
         self.end(byte).map(|line| line.map_or(Request::Other, request))
     }
@@ -215,7 +215,7 @@ fn request(line: &[u8]) -> Request {
     }
 }
 
-/// Adapter side: encodes a report as lines. Returns the number of bytes written to `line`.
+/// Encodes a report of the adapter as lines. Returns the number of bytes written to `line`.
 pub fn write_report(report: &Report, line: &mut [u8; LONGEST]) -> usize {
     let mut length = 0;
     let mut put = |bytes: &[u8]| {

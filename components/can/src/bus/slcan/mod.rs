@@ -1,4 +1,4 @@
-//! slcan: buses behind an adapter on a serial line, in user space.
+//! Buses behind an slcan adapter on a serial line, in user space.
 //!
 //! An adapter such as a CANable with slcan firmware appears as a serial line (`/dev/ttyACM0`) that carries
 //! frames as lines of text. [`write()`] and [`Reader`] are the codec. A [`SlcanBus`] is a bus over such a
@@ -78,8 +78,10 @@ fn set_up(path: &str, rates: &Rates, is_fd: bool) -> Result<File, OpenError> {
     let count = commands.matches('\r').count();
     // many adapters never answer, so silence counts as acceptance
     if answers(&mut file, SETTLE, count).contains(&Line::Refused) {
-        let error =
-            io::Error::new(io::ErrorKind::InvalidInput, "the adapter refuses its bitrate, or to open");
+        let error = io::Error::new(
+            io::ErrorKind::InvalidInput,
+            "the adapter refuses the bitrate, or refuses to open its channel",
+        );
         return Err(refused(error));
     }
     Ok(file)
@@ -100,8 +102,8 @@ fn answers(file: &mut File, within: Duration, count: usize) -> Vec<Line> {
     lines
 }
 
-/// Returns the version reported by an slcan adapter on a serial line; `None` without any answer. For an
-/// adapter that only sends frames, the text is "it reports no version".
+/// Returns the version reported by an slcan adapter on a serial line; `None` if the adapter does not answer.
+/// If the adapter sends frames but no version, the returned text is "it reports no version".
 ///
 /// # Errors
 /// Returns an error if the line does not exist or cannot be opened.

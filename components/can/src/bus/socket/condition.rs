@@ -11,7 +11,7 @@ pub enum Condition {
     /// Error warning: the bus sends and receives, but the controller has counted many errors.
     Warning,
     /// Error-passive: the bus sends and receives, but the controller has counted too many errors to signal
-    /// them to others.
+    /// them to other nodes.
     Passive,
     /// Bus-off: the controller has left the bus.
     Off,

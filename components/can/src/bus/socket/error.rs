@@ -2,7 +2,7 @@
 
 use std::io;
 
-/// Error of opening an interface.
+/// Error returned when an interface cannot be opened.
 #[derive(Debug, thiserror::Error)]
 pub enum OpenError {
     /// The kernel does not support CAN sockets.
@@ -113,9 +113,9 @@ impl OpenError {
                 io::ErrorKind::PermissionDenied => {
                     "join the group that owns serial lines (`sudo usermod -aG dialout $USER`), and log in again".into()
                 }
-                io::ErrorKind::ResourceBusy => "stop the program that uses it: `sudo fuser -v` shows it".into(),
+                io::ErrorKind::ResourceBusy => "stop the program that uses the line: `sudo fuser -v` shows this program".into(),
                 io::ErrorKind::InvalidInput => {
-                    "choose a bitrate that the adapter supports, and check that no other program has opened its channel".into()
+                    "choose a bitrate that the adapter supports, and check that no other program uses the adapter".into()
                 }
                 _ => "check that it is a serial line: `ls /dev/serial/by-id` lists the available ones".into(),
             },

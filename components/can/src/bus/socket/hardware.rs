@@ -4,8 +4,8 @@
 /// from frames with both timestamps.
 ///
 /// The kernel timestamps a frame later than the controller, by the transfer time of the frame. The smallest
-/// observed offset is therefore the most accurate. From the smallest offset, the estimate grows at the
-/// clocks' maximum drift, to follow clocks that drift apart.
+/// observed offset is therefore the most accurate. Between frames with a smaller offset, the estimate grows
+/// at the maximum drift rate, to follow clocks that drift apart.
 ///
 /// ```
 /// use motorium_can::bus::socket::HardwareClock;

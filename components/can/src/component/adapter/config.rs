@@ -52,7 +52,7 @@ impl JointHealth {
     pub const NOT_HOMED: u32 = 64;
 }
 
-/// Behaviour of the other drives when one is lost or reports a fault.
+/// Behaviour of the remaining drives when a drive is lost or reports a fault.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum WhenTripped {
@@ -83,16 +83,16 @@ pub struct CanAdapterConfig {
     /// The drives, if there is no drive table file.
     #[serde(default)]
     pub drive: Vec<DriveEntry>,
-    /// Interfaces of buses by name, replacing the drive table's, so that one table serves both simulated and
-    /// real buses. Default none.
+    /// Interfaces of the computer for named buses. An interface given here replaces the interface in the
+    /// drive table, so that one table serves both simulated and real buses. Default: an empty table.
     #[serde(default)]
     pub interfaces: BTreeMap<String, String>,
-    /// Reaction of the other drives when one is lost or reports a fault, until `motorium resume`: "damp" or
-    /// "disable". Default "damp".
+    /// Reaction of the remaining drives when a drive is lost or reports a fault, until `motorium resume`:
+    /// "damp" or "disable". Default "damp".
     #[serde(default)]
     pub when_tripped: WhenTripped,
-    /// True: drives without a watchdog are enabled, too. They keep following their last command when commands
-    /// stop. Default false.
+    /// True: drives without a watchdog are also enabled, although they keep following their last command when
+    /// commands stop. Default false.
     #[serde(default)]
     pub allow_no_watchdog: bool,
     /// True: no drive is enabled; the joints are moved by hand and measured, as with a leader arm. The
@@ -109,8 +109,9 @@ pub struct CanAdapterConfig {
     /// sinks. Default false.
     #[serde(default)]
     pub leave_enabled: bool,
-    /// Longest wait of a step for the answers of drives on real buses. Default half a period. With
-    /// `command_within`, answers have until the next step, and a step waits for them only on serial lines.
+    /// Longest wait of a step for the answers of drives on real buses. Default half a period. If
+    /// `command_within` is set, answers may arrive until the next step, and a step waits for them only on
+    /// serial lines.
     pub answer_within: Option<TimeSpan>,
     /// Longest wait of a step for the command computed from the state that the step has just published. The
     /// frames of the command are then sent immediately. In lockstep no step waits. Default none: the command
@@ -183,7 +184,7 @@ pub(super) fn check_watchdogs(
     {
         let message = format!("the watchdog of the drive of `{}` is off", drive.joint);
         return Err(ConfigError::key("drives", message).advise(
-            "set one in the drive and in the table: without it the drive continues with its last command",
+            "set a watchdog in the drive and in the table: without a watchdog the drive continues with its last command",
         ));
     }
     let Some(period) = declare.period() else { return Ok(()) };
@@ -203,7 +204,10 @@ pub(super) fn check_watchdogs(
         return Err(ConfigError::key("drives", message).advise(advice));
     }
     if watchdog(drive) < 2 * period {
-        declare.warn(format!("{message}: a single lost command disables it")).key("drives").advise(advice);
+        declare
+            .warn(format!("{message}: a single lost command disables the drive"))
+            .key("drives")
+            .advise(advice);
     }
     Ok(())
 }

@@ -54,11 +54,11 @@ impl StepOrder {
             let (message, advice) = match is_real {
                 false => (
                     "no bus has an interface",
-                    "leave it out: simulated buses answer between two steps; real ones have an `interface`",
+                    "leave `answer_within` out: simulated buses answer between two steps; real buses have an `interface`",
                 ),
                 true => (
                     "with `command_within`, answers may arrive until the next step",
-                    "leave one of the two out: a step waits either for the command or for the answers",
+                    "leave `answer_within` or `command_within` out: a step waits either for the command or for the answers",
                 ),
             };
             return Err(ConfigError::key("answer_within", message).advise(advice));
@@ -82,21 +82,21 @@ impl StepOrder {
             let advice = "leave time for the commands of the next period: write about half a period";
             return refuse(
                 "answer_within",
-                format!("a wait of {within:?} for the answers, but the period is {period:?}"),
+                format!("the wait for the answers is {within:?}, but the period is {period:?}"),
                 advice,
             );
         }
         if let Some(within) = self.command_within.filter(|within| is_out(*within)) {
-            let advice = "leave time for the answers: set it to the time that policy and controller need, such as \"300 us\"";
+            let advice = "leave time for the answers: set `command_within` to the time that policy and controller need, such as \"300 us\"";
             return refuse(
                 "command_within",
-                format!("a wait of {within:?} for the command, but the period is {period:?}"),
+                format!("the wait for the command is {within:?}, but the period is {period:?}"),
                 advice,
             );
         }
         if self.waits() >= period {
             let message =
-                format!("a total wait of {:?} per step, but the period is {period:?}", self.waits());
+                format!("the total wait per step is {:?}, but the period is {period:?}", self.waits());
             return refuse("command_within", message, "shorten `command_within` or `answer_within`");
         }
         Ok(())
@@ -135,7 +135,7 @@ pub(super) fn check_budget(
     if !budget.fits() {
         let message = format!("{} drives do not fit on bus `{bus}`: {budget}", budget.exchanges.len());
         let advice = format!(
-            "at most {} such drives fit: spread them over more buses, or lower the rate",
+            "at most {} of these drives fit: spread them over more buses, or lower the rate",
             budget.most()
         );
         return Err(ConfigError::key("drives", message).advise(advice));
@@ -151,7 +151,7 @@ pub(super) fn check_budget(
         let warning = declare.warn(format!("bus `{bus}` is nearly full: {budget}"));
         warning
             .key("drives")
-            .advise("a single disturbed frame makes others miss their cycle: stay below 80 %");
+            .advise("a single disturbed frame makes other frames miss their cycle: stay below 80 %");
     }
     Ok(())
 }
@@ -205,9 +205,9 @@ mod tests {
     fn impossible_or_meaningless_waits_are_refused() {
         let refused = |interface: &str, config: &str| order(interface, config).unwrap_err();
         for (interface, config, words) in [
-            (KERNEL, "answer_within = \"2 ms\"", "a wait of 2ms for the answers, but the period is 2ms"),
-            (KERNEL, "command_within = \"0 s\"", "a wait of 0ns for the command, but the period is 2ms"),
-            (KERNEL, "command_within = \"2 ms\"", "a wait of 2ms for the command, but the period is 2ms"),
+            (KERNEL, "answer_within = \"2 ms\"", "the wait for the answers is 2ms, but the period is 2ms"),
+            (KERNEL, "command_within = \"0 s\"", "the wait for the command is 0ns, but the period is 2ms"),
+            (KERNEL, "command_within = \"2 ms\"", "the wait for the command is 2ms, but the period is 2ms"),
             (
                 KERNEL,
                 "command_within = \"1 ms\"\nanswer_within = \"1 ms\"",
@@ -217,7 +217,7 @@ mod tests {
             (
                 "interface = \"/dev/ttyACM0\"",
                 "command_within = \"1 ms\"\nanswer_within = \"1500 us\"",
-                "a total wait of 2.5ms per step, but the period is 2ms",
+                "the total wait per step is 2.5ms, but the period is 2ms",
             ),
         ] {
             let found = refused(interface, config);

@@ -13,8 +13,8 @@ impl CanAdapter {
         let mut twice = links.filter(|(_, link)| link.counts().duplicate >= TWIN_ANSWERS);
         let (joint, link) = twice.next()?;
         Some(format!(
-            "{} frames to the drive of `{joint}` were answered twice: do two drives on `{name}` have its number? \
-             `motorium can scan` lists them one at a time",
+            "{} frames to the drive of `{joint}` were answered twice: do two drives on `{name}` have \
+             the same number? `motorium can scan` lists them one at a time",
             link.counts().duplicate
         ))
     }

@@ -48,7 +48,7 @@ pub(super) fn actuations(
 impl Actuation {
     fn new(settings: &ActuatorSettings, limit: f64, joint: &str) -> Result<Self, ConfigError> {
         if settings.network.is_some() {
-            let message = "a network replaces the control law, but this drive's protocol defines its law";
+            let message = "a network replaces the control law, but the drive's protocol defines this law";
             return Err(ConfigError::key(format!("actuators.{joint}.network"), message)
                 .advise("leave it out, or let `physics.articulated` simulate the drive"));
         }

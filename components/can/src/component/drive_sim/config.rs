@@ -33,8 +33,8 @@ pub struct DriveSimulationConfig {
     /// The drives, if there is no drive table file.
     #[serde(default)]
     pub drive: Vec<DriveEntry>,
-    /// Interfaces of buses by name, replacing the drive table's, so that one table serves both simulated and
-    /// real buses. Default none.
+    /// Interfaces of the computer for named buses. An interface given here replaces the interface in the
+    /// drive table, so that one table serves both simulated and real buses. Default: an empty table.
     #[serde(default)]
     pub interfaces: BTreeMap<String, String>,
     /// Time from the last bit of a command until its answer is queued in the drive. Default 50 us.
@@ -52,18 +52,18 @@ pub struct DriveSimulationConfig {
     pub brakes: bool,
     /// Stages between the drives and the joints: lag, limits, elasticity. Default: none.
     pub actuator: Option<ActuatorTable<TimeSpan>>,
-    /// Stages of single joints by name, instead of `actuator`.
+    /// Stages of individual joints, by joint name. They replace the stages of `actuator`.
     #[serde(default)]
     pub actuators: BTreeMap<String, ActuatorTable<TimeSpan>>,
-    /// Drives with settings that differ from the table.
+    /// Drives with settings that differ from the drive table.
     #[serde(default)]
     pub set: Vec<SettingConfig>,
-    /// Faults, each at its time.
+    /// Scripted faults, each with its start time.
     #[serde(default)]
     pub faults: Vec<FaultConfig>,
 }
 
-/// Settings of a drive that differ from the table.
+/// Settings of a drive that differ from the drive table.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SettingConfig {

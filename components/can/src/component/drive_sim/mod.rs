@@ -200,7 +200,8 @@ fn axes(
     for (index, set) in config.set.iter().enumerate() {
         let positive = set.torque.is_none_or(|torque| torque.is_finite() && torque > 0.0);
         if !names.contains(&set.joint) || !positive {
-            let message = format!("the drive of `{}` with a torque of {:?}", set.joint, set.torque);
+            let message =
+                format!("the setting names the drive of `{}` and a torque of {:?}", set.joint, set.torque);
             return Err(ConfigError::key(format!("set[{index}]"), message)
                 .advise("name a joint of the robot, and write a positive torque"));
         }

@@ -52,12 +52,13 @@ impl Sockets {
             if faults.iter().any(alone) {
                 let message = format!("`{}` is an interface of the computer", bus.name());
                 return Err(ConfigError::key("faults", message).advise(
-                    "script \"alone\" and \"down\" on simulated buses; here unplug it, or use `ip link set`",
+                    "script \"alone\" and \"down\" on simulated buses; unplug a real interface, or use `ip link set`",
                 ));
             }
             let injects = bus.is_virtual() && matches!(bus, RealBus::Socket(_));
             if !injects && faults.iter().any(needs_simulation) {
-                let message = format!("`{}` has a real controller, whose errors are its own", bus.name());
+                let message =
+                    format!("`{}` has a real controller, whose errors cannot be scripted", bus.name());
                 return Err(ConfigError::key("faults", message)
                     .advise("script \"bus_off\" and \"disturbed\" on simulated and virtual buses"));
             }

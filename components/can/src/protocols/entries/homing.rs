@@ -37,30 +37,30 @@ pub struct HomingEntry {
     /// Joints with a lower number are homed before those with a higher one; joints with the same number are
     /// homed together. Default 0.
     pub order: Option<u8>,
-    /// Time after which an unfinished homing has failed. Default 20 s.
+    /// Time after which an unfinished homing fails. Default 20 s.
     pub timeout: Option<TimeSpan>,
     /// The procedure of an ODrive: "endstop" (axis state 11) or "index" (axis state 6). Default "endstop".
     pub procedure: Option<HomingProcedure>,
     /// The method, object 0x6098. Required for CiA 402.
     pub method: Option<i8>,
-    /// Velocity towards the mark, rad/s or m/s. For CiA 402, object 0x6099:01, positive; for "stop", with the
-    /// sign of its direction. Required for both.
+    /// Velocity towards the mark, rad/s or m/s. For CiA 402, a positive number (object 0x6099:01). For
+    /// "stop", a number with the sign of the direction to the stop. Required for CiA 402 and for "stop".
     pub velocity: Option<f64>,
     /// Velocity at the mark, object 0x6099:02, rad/s or m/s. Required for CiA 402.
     pub creep_velocity: Option<f64>,
     /// Acceleration, object 0x609A, rad/s2 or m/s2. Required for CiA 402.
     pub acceleration: Option<f64>,
-    /// The homing offset stored in a servo, which is compared before the servo is enabled, steps. Required
-    /// for servos.
+    /// Expected homing offset of a servo, steps. It is compared with the offset stored in the servo before
+    /// the servo is enabled. Required for servos.
     pub steps: Option<i32>,
     /// Effort against the stop, N m or N. Required for "stop".
     pub effort: Option<f64>,
     /// Position of the joint at its stop, rad or m. Required for "stop".
     pub position: Option<f64>,
-    /// Distance by which the joint moves away from the stop again, rad or m. Default 0.05. For "stop".
+    /// Distance by which the joint moves away from the stop again, rad or m. Default 0.05. Only for "stop".
     pub back_off: Option<f64>,
     /// Largest energy with which the joint may hit its stop, J, computed with the inertia of the robot model.
-    /// Default 0.1. For "stop".
+    /// Default 0.1. Only for "stop".
     pub energy: Option<f64>,
 }
 
@@ -78,10 +78,10 @@ pub enum HomingBy {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum HomingProcedure {
-    /// To the switch at an end of the range.
+    /// Moves to the switch at an end of the range.
     #[default]
     Endstop,
-    /// To the index of the encoder.
+    /// Moves to the index of the encoder.
     Index,
 }
 
@@ -93,7 +93,7 @@ const ENERGY: f64 = 0.1;
 const BACK_OFF: f64 = 0.05;
 
 impl HomingEntry {
-    /// Returns the time after which the homing has failed.
+    /// Returns the time after which an unfinished homing fails.
     pub fn timeout(&self) -> core::time::Duration {
         self.timeout.unwrap_or(TIMEOUT).into()
     }

@@ -20,16 +20,17 @@ pub struct BusEntry {
     #[serde(default)]
     pub kind: BusKind,
     /// The network interface of the computer, such as "can0" or "vcan0", or the serial line of an slcan
-    /// adapter or of serial servos, such as "/dev/ttyACM0". Or the address at which `can.drive_sim` offers
-    /// the bus in real time: "unix:NAME", a unix socket, or "pty:PATH", a pseudo-terminal with slcan or servo
-    /// packets. Without an interface, the bus is simulated over topics.
+    /// adapter or of serial servos, such as "/dev/ttyACM0". It may also be the address at which
+    /// `can.drive_sim` offers the bus in real time: "unix:NAME" for a unix socket, or "pty:PATH" for a
+    /// pseudo-terminal with slcan or servo packets. Without an interface, the bus is simulated over topics.
     pub interface: Option<String>,
     /// Bitrate of arbitration and of whole classic frames, bit/s; for a serial line, its speed.
     pub bitrate: u32,
-    /// Bitrate of the data of CAN FD frames, bit/s. Default: none, for a classic bus.
+    /// Bitrate of the data of CAN FD frames, bit/s. Default: none; the bus is then classic.
     pub data_bitrate: Option<u32>,
     /// All servos answer together in one packet (fast sync read), which saves most of their turnaround times.
-    /// For Dynamixel servos whose firmware supports it, up to nine on a line. Default false.
+    /// Only for Dynamixel servos whose firmware supports fast sync read, at most nine on a line. Default
+    /// false.
     #[serde(default)]
     pub fast_read: bool,
     /// Maximum time from a command to the beginning of its answer. Default 100 us.
@@ -87,13 +88,13 @@ pub struct DriveEntry {
     /// the adapter (CiA 402 only); or "torque", with the gains of the commands applied in the adapter.
     /// Default "position". ODrive and CiA 402 only.
     pub mode: Option<ControlMode>,
-    /// Gains of the drive's own position loop. Default: full torque at a twentieth of a radian. For drives
-    /// commanded by position, and for moteus.
+    /// Gains of the drive's own position loop. Default: full torque at a twentieth of a radian. Only for
+    /// drives commanded by position, and for moteus.
     pub position_loop: Option<LoopEntry>,
     /// Time between two encoder reports, as configured in the drive. Default 10 ms. ODrive only.
     pub report_every: Option<TimeSpan>,
-    /// The minimum reference required of the reported position: "output", or "rotor" for a joint that moves
-    /// by less than a turn of the rotor. Default "output". moteus without `homing` only.
+    /// Minimum reference that the drive must report for its position: "output", or "rotor" for a joint that
+    /// moves by less than a turn of the rotor. Default "output". Only for moteus drives without `homing`.
     pub reference: Option<ReferenceEntry>,
     /// Increments of the encoder per turn of the output shaft. CiA 402 only, where it is required unless the
     /// data sheet has it.
@@ -102,26 +103,26 @@ pub struct DriveEntry {
     /// required unless the data sheet has it.
     pub rated_torque: Option<f64>,
     /// The largest current of the motor, A, which the adapter sets in the drive before enabling it; efforts
-    /// beyond that current are clamped. For ODrive, CiA 402 (object 0x6073), Damiao (register 3), Feetech
-    /// (register 48) and Dynamixel (register 102). Default: the drive's setting.
+    /// that require more current are clamped. For ODrive, CiA 402 (object 0x6073), Damiao (register 3),
+    /// Feetech (register 48) and Dynamixel (register 102). Default: the drive's setting.
     pub current_limit: Option<f64>,
-    /// Torque of the output shaft per current of the motor, N m/A. For `current_limit` of ODrive, Damiao and
-    /// Dynamixel.
+    /// Torque of the output shaft per current of the motor, N m/A. Used by `current_limit` of ODrive, Damiao
+    /// and Dynamixel drives.
     pub torque_constant: Option<f64>,
-    /// The current to which the drive's limit is relative, A: the largest current of a Damiao drive, the
-    /// stall current of a Feetech.
+    /// The current to which the drive's limit is relative, A: the largest current of a Damiao drive, or the
+    /// stall current of a Feetech servo.
     pub full_current: Option<f64>,
-    /// The unit of currents in a Dynamixel, A.
+    /// Unit of the current registers of a Dynamixel servo, A.
     pub current_unit: Option<f64>,
     /// The rated current, the base of currents in thousandths: object 0x6075, A. For `current_limit` of CiA
     /// 402, where it is required unless the data sheet has it.
     pub rated_current: Option<f64>,
-    /// The electronic data sheet of the drive, an EDS or DCF file, relative to the drive table. It provides
-    /// increments and rated torque, and the table is checked against its objects, modes, mappings and limits.
-    /// CiA 402 only.
+    /// The electronic data sheet of the drive, an EDS or DCF file, relative to the drive table. The data
+    /// sheet provides the increments and the rated torque. The table is checked against the objects, modes,
+    /// mappings and limits in the data sheet. CiA 402 only.
     pub eds: Option<String>,
-    /// Procedure that determines the joint position after power-up, before the drive is enabled. Default: the
-    /// reported position is absolute, or the drive is at its zero.
+    /// Procedure that determines the joint position after power-up, before the drive is enabled. Default:
+    /// none, because the reported position is absolute, or the drive is at its zero at power-up.
     pub homing: Option<HomingEntry>,
     /// Numbers of the process data whose mapping is read-only according to the data sheet.
     #[serde(skip)]
@@ -140,20 +141,20 @@ pub enum ControlMode {
     #[default]
     Position,
     /// Velocities, which the drive follows with its own loop. Once a cycle, the adapter closes a position
-    /// loop around the drive's velocity loop, with the ratio of the gains of `position_loop`.
+    /// loop around the drive's velocity loop, whose gain is the ratio `kp / kd` of `position_loop`.
     Velocity,
     /// Torques: once a cycle, the adapter applies the gains of the command to the newest state.
     Torque,
 }
 
-/// The reference of a drive's position.
+/// Zero point of the position that a drive reports.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ReferenceEntry {
-    /// Its output.
+    /// The output shaft of the drive.
     #[default]
     Output,
-    /// The encoder of its rotor.
+    /// The encoder of the drive's rotor.
     Rotor,
 }
 

@@ -4,7 +4,8 @@
 //! torque (12 bits each), most significant bit first. The drive answers every command with one frame.
 //! Commands for enabling, disabling and setting the zero position consist of seven bytes 0xFF and a code.
 //!
-//! Numbers are mapped to the [`Ranges`] configured in the drive. A wrong range silently scales them.
+//! Numbers are mapped to the [`Ranges`] configured in the drive. If these ranges are wrong, all numbers are
+//! silently scaled.
 
 use crate::drive::{Command, Fault, Feedback, Ranges, State};
 use crate::frame::{DecodeError, Form, Frame, Id, exactly};
@@ -19,7 +20,7 @@ pub enum Instruction {
     Enable,
     /// The drive is disabled.
     Disable,
-    /// The present position becomes zero.
+    /// The current position becomes zero.
     SetZero,
 }
 
@@ -29,7 +30,7 @@ pub enum Reply {
     /// Six bytes: device ID, position, velocity, torque.
     MiniCheetah,
     /// Eight bytes: the six bytes of [`MiniCheetah`](Self::MiniCheetah), an unused byte, and the supply
-    /// voltage, scaled to 40 V.
+    /// voltage in a byte whose largest value represents 40 V.
     MiniCheetahVoltage,
     /// Eight bytes: the six bytes of [`MiniCheetah`](Self::MiniCheetah), the temperature (signed, degrees
     /// Celsius), and the error code.
@@ -61,7 +62,7 @@ impl Reply {
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Drive {
-    /// ID of the drive, which is the identifier of its commands.
+    /// ID of the drive. Commands to the drive have this identifier.
     pub node: u8,
     /// Identifier of the drive's answers.
     pub reply_id: Id,
@@ -150,10 +151,10 @@ impl Drive {
         Frame::of_eight(self.id(), self.form, data)
     }
 
-    /// Drive side: decodes the instruction in a frame.
+    /// Decodes the instruction in a frame that the drive has received.
     ///
     /// # Errors
-    /// Returns an error if the frame is for another drive, has another length, or ends in an unknown code.
+    /// Returns an error if the frame is for another drive, has the wrong length, or ends in an unknown code.
     pub fn instruction(&self, frame: &Frame) -> Result<Instruction, DecodeError> {
         let data: &[u8; 8] = exactly(frame, self.id())?;
         if data[..7] == [0xff; 7] {
@@ -168,7 +169,7 @@ impl Drive {
         Ok(Instruction::Command(self.fields.command(u64::from_be_bytes(*data))))
     }
 
-    /// Drive side: returns the frame of an answer. Values that have no field in the `reply` format of the
+    /// Returns the frame with which the drive answers. Values that have no field in the `reply` format of the
     /// drive are omitted.
     pub fn answer(&self, feedback: &Feedback) -> Frame {
         let motion = self.fields.pack_motion(feedback.position, feedback.velocity, feedback.torque);
@@ -199,7 +200,7 @@ impl Drive {
     /// Decodes an answer.
     ///
     /// # Errors
-    /// Returns an error if the frame has another identifier or length, comes from another drive, or has an
+    /// Returns an error if the frame has the wrong identifier or length, comes from another drive, or has an
     /// unknown code.
     // decoded in place, like commands
     #[inline(always)]

@@ -1,7 +1,8 @@
 //! Registers of Damiao drives, with settings that must be known before a drive is enabled.
 //!
 //! All drives on a bus listen to the identifier 0x7FF; the first two bytes contain the ID of the addressed
-//! drive. An answer has the same identifier as the drive's other answers, and repeats the request.
+//! drive. The answer to a request has the same identifier as the drive's answers to commands, and repeats the
+//! request.
 
 use crate::frame::{DecodeError, Frame, Id, exactly, finite};
 
@@ -102,7 +103,7 @@ impl Request {
         Frame::classic(EVERYBODY, &[self.node, 0, WRITE, self.register as u8, a, b, c, d])
     }
 
-    /// Drive side: decodes the register and number of a write request.
+    /// Decodes the register and number of a write request that the drive has received.
     ///
     /// # Errors
     /// Returns an error if the frame does not write a supported register, or addresses another drive.
@@ -119,13 +120,13 @@ impl Request {
         Ok((Self { node, register: Register::OverCurrent }, number))
     }
 
-    /// Drive side: returns the drive's answer to a write request, with the identifier `master`. The answer
-    /// echoes the data of the request.
+    /// Returns the drive's answer to a write request, with the identifier `master`. The answer echoes the
+    /// data of the request.
     pub fn changed(&self, master: Id, number: f64) -> Frame {
         Frame::classic(master, self.change(number).data())
     }
 
-    /// Drive side: decodes the read request in a frame to all drives.
+    /// Decodes a read request that the drive has received in a frame to all drives.
     ///
     /// # Errors
     /// Returns an error if the frame does not read a supported register, or addresses another drive.
@@ -141,7 +142,7 @@ impl Request {
         Ok(Self { node, register: Register::from_code(register)? })
     }
 
-    /// Drive side: returns the drive's answer to a read request: `value`, with the identifier `master`.
+    /// Returns the drive's answer to a read request: `value`, with the identifier `master`.
     pub fn answer(&self, master: Id, value: Value) -> Frame {
         let bytes = match value {
             Value::Watchdog(time) => {
@@ -165,8 +166,8 @@ impl Request {
     /// Decodes the value in an answer with the identifier `master`.
     ///
     /// # Errors
-    /// Returns an error if the answer comes from another drive or concerns another register, or if its number
-    /// is not finite.
+    /// Returns an error if the answer comes from another drive or concerns a register that was not requested,
+    /// or if its number is not finite.
     pub fn value(&self, frame: &Frame, master: Id) -> Result<Value, DecodeError> {
         self.value_of(READ, frame, master)
     }

@@ -9,10 +9,10 @@ use crate::protocols::simulation::{Motor, Simulated};
 /// Default fraction of its full current at which a drive disables itself.
 const OVER_CURRENT: f64 = 0.95;
 
-/// Simulated MIT drive, with its bus and shaft.
+/// Simulated MIT drive, which answers frames from a bus and applies a torque to its shaft.
 ///
-/// Like the published firmware, it answers each command with its state at the arrival of the command. Its
-/// inner loop computes
+/// Like the published firmware, the drive answers each command with its state at the arrival of the command.
+/// The inner loop computes
 ///
 /// ```text
 /// tau = clamp(kp (position - q) + kd (velocity - v) + torque, -limit, limit)

@@ -42,7 +42,7 @@ pub(crate) static DAMIAO: Mit = Mit {
                 TORQUE_CONSTANT,
                 (
                     "full_current",
-                    "write the drive's largest current from its data sheet, A: register 3 is a fraction of it",
+                    "write the drive's largest current from its data sheet, A: register 3 is a fraction of this current",
                 ),
             ],
         },
@@ -62,7 +62,7 @@ impl Mit {
         keys: &["master"],
         watchdog: Watchdog::Any,
         current_limit: CurrentLimit::Unsupported {
-            advice: "leave it out, and set the limit in the drive with the manufacturer's tool: this protocol cannot transmit it",
+            advice: "leave `current_limit` out, and set the limit in the drive with the manufacturer's tool: this protocol cannot transmit a limit",
         },
         gains: Gains::Commanded,
         has_velocity_mode: false,
@@ -120,7 +120,7 @@ impl DriveProtocol for Mit {
     fn check_homing(&self, entry: &DriveEntry, _homing: &HomingEntry) -> Result<(), Refusal> {
         Err((
             format!("a homing by the drive is not supported by {:?}", entry.protocol),
-            "write `by = \"stop\"`; its command \"set zero\" is not used, because many of these drives store the zero permanently",
+            "write `by = \"stop\"`; the drive's command \"set zero\" is not used, because many of these drives store the zero permanently",
         ))
     }
 

@@ -36,7 +36,7 @@ pub(crate) static MOTEUS: Moteus = Moteus {
             advice: "write whole milliseconds, up to 32767, the unit of its commands",
         },
         current_limit: CurrentLimit::Unsupported {
-            advice: "leave it out: each command to a moteus contains `ranges.torque` as a limit",
+            advice: "leave `current_limit` out: each command to a moteus contains `ranges.torque` as a limit",
         },
         gains: Gains::Commanded,
         has_velocity_mode: false,
@@ -81,7 +81,7 @@ impl DriveProtocol for Moteus {
     fn check_homing(&self, _entry: &DriveEntry, _homing: &HomingEntry) -> Result<(), Refusal> {
         Err((
             "a homing by the drive is not supported by moteus".into(),
-            "with an output encoder it needs none: leave `homing` out; otherwise write `by = \"stop\"`",
+            "a moteus with an output encoder needs no homing: leave `homing` out; otherwise write `by = \"stop\"`",
         ))
     }
 

@@ -96,7 +96,7 @@ pub enum InputMode {
 pub enum Instruction {
     /// Disables the drive immediately. The drive then reports an error.
     EmergencyStop,
-    /// Requests a state.
+    /// Requests a state of the axis.
     SetState(AxisState),
     /// Sets control mode and input mode.
     SetModes(ControlMode, InputMode),
@@ -132,7 +132,7 @@ pub enum Instruction {
 /// Message from a drive.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Report {
-    /// Heartbeat.
+    /// Periodic message with the errors and the state of the axis.
     Heartbeat {
         /// Error flags of the axis; 0 without an error.
         error: u32,
@@ -170,7 +170,7 @@ pub enum Report {
         /// Measurement.
         measured: f64,
     },
-    /// Setpoint and estimate of the torque, N m. Newer firmware only.
+    /// Setpoint and estimate of the torque, N m. Only sent by firmware newer than 0.5.6.
     Torques {
         /// Setpoint.
         target: f64,
@@ -249,10 +249,10 @@ impl Node {
         }
     }
 
-    /// Drive side: decodes the message in a frame.
+    /// Decodes a message that the drive has received.
     ///
     /// # Errors
-    /// Returns an error if the frame is for another drive, is not a message to a drive, has another length,
+    /// Returns an error if the frame is for another drive, is not a message to a drive, has the wrong length,
     /// or contains an invalid number.
     pub fn instruction(self, frame: &Frame) -> Result<Instruction, DecodeError> {
         let command = self.command(frame)?;
@@ -307,7 +307,7 @@ impl Node {
         })
     }
 
-    /// Drive side: returns the frame of a report.
+    /// Returns the frame with which the drive sends a report.
     pub fn report_frame(self, report: &Report) -> Frame {
         let words = |a: [u8; 4], b: [u8; 4]| [a[0], a[1], a[2], a[3], b[0], b[1], b[2], b[3]];
         let floats = |a: f64, b: f64| words((a as f32).to_le_bytes(), (b as f32).to_le_bytes());
@@ -327,8 +327,8 @@ impl Node {
     /// Decodes a report of the drive.
     ///
     /// # Errors
-    /// Returns an error if the frame comes from another drive, is not a supported report, has another length,
-    /// or contains an invalid number.
+    /// Returns an error if the frame comes from another drive, is not a supported report, has the wrong
+    /// length, or contains an invalid number.
     pub fn report(self, frame: &Frame) -> Result<Report, DecodeError> {
         let command = self.command(frame)?;
         let (first, second) = halves(frame.data())?;

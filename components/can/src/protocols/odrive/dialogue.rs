@@ -61,7 +61,8 @@ enum Homing {
     None,
     /// The limits have been sent for this number of cycles.
     Preparing(u16),
-    /// Homing was requested `heartbeats` heartbeats ago; `was_seen` once it was reported running.
+    /// Homing was requested `heartbeats` heartbeats ago; `was_seen` is `true` once the drive has reported
+    /// that homing is running.
     Asked { heartbeats: u8, was_seen: bool },
     /// Homing has ended; `reports` counts the position reports since then.
     Ended { result: Result<(), HomingFault>, reports: u8 },

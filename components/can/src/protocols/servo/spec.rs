@@ -43,12 +43,12 @@ pub(crate) static FEETECH: Servo = Servo {
         keys: &["position_loop", "full_current"],
         watchdog: Watchdog::Missing {
             message: "this servo has no watchdog",
-            advice: "write `watchdog = \"0 s\"`, and `allow_no_watchdog = true` for the adapter: it holds its last goal",
+            advice: "write `watchdog = \"0 s\"`, and `allow_no_watchdog = true` for the adapter: the servo holds its last goal",
         },
         current_limit: CurrentLimit::Settable {
             keys: &[(
                 "full_current",
-                "write the stall current of the servo at its voltage, A: register 48 is in thousandths of it",
+                "write the stall current of the servo at its voltage, A: register 48 is in thousandths of this current",
             )],
         },
         ..SPEC

@@ -85,7 +85,7 @@ fn gait(config: Option<&GaitConfig>, names: &[String]) -> Result<Gait, ConfigErr
     let offset = |name: &String| {
         config.offsets.get(name).copied().ok_or_else(|| {
             ConfigError::key("gait.offsets", format!("foot `{name}` has no offset"))
-                .advise(format!("add it, from 0 to 1, such as `{name} = 0.5`"))
+                .advise(format!("add an offset from 0 to 1, such as `{name} = 0.5`"))
         })
     };
     let offsets = names.iter().map(offset).collect::<Result<Vec<_>, _>>()?;
@@ -103,8 +103,9 @@ fn ground(config: GroundConfig) -> Result<GroundModel, ConfigError> {
             let given = Vector3::from(normal);
             let unit = given.try_normalize(1e-9).filter(|unit| unit.z >= 0.5);
             GroundModel::Normal(unit.ok_or_else(|| {
-                let message =
-                    format!("{normal:?}, expected one that points up, at most 60 degrees off the vertical");
+                let message = format!(
+                    "{normal:?}, expected a normal that points up, at most 60 degrees off the vertical"
+                );
                 ConfigError::key("ground.normal", message)
             })?)
         }
@@ -115,7 +116,7 @@ fn settings(config: &MpcConfig, model: &Model) -> Result<PlannerSettings, Config
     let gravity = downward_gravity(config.gravity)?;
     let horizon = &config.horizon;
     if !(1..=40).contains(&horizon.steps) {
-        let message = format!("{} steps, expected from 1 to 40", horizon.steps);
+        let message = format!("{} steps, expected 1 to 40", horizon.steps);
         return Err(ConfigError::key("horizon.steps", message));
     }
     let step = in_range("horizon.step", horizon.step.as_secs_f64(), 1e-3..=1.0)?;

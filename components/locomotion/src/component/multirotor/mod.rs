@@ -15,8 +15,8 @@ use crate::multirotor::{Flight, FlightControl, FlightSettings, FlightTarget, Mix
 
 /// A controller that converts target poses to rotor thrusts; see [`FlightControl`] and [`Mixer`].
 ///
-/// Without a target it holds its initial pose. Without a fresh base state it commands nothing, so the rotors
-/// stop.
+/// Without a target, the controller holds the initial pose of the robot. Without a fresh base state, it
+/// commands nothing, so the rotors stop.
 pub struct MultirotorController {
     base_state: Input<BaseState>,
     target: Input<PoseTarget>,
@@ -66,7 +66,7 @@ impl Parts {
         in_range("yaw_tolerance", config.yaw_tolerance, 1e-9..=10.0)?;
         if config.attitude_frequency < 3.0 * config.position_frequency {
             let message = format!(
-                "{} rad/s, expected at least three times `position_frequency`, {} rad/s: otherwise it oscillates",
+                "{} rad/s, expected at least three times `position_frequency`, {} rad/s: otherwise the robot oscillates",
                 config.attitude_frequency,
                 3.0 * config.position_frequency
             );
@@ -77,17 +77,18 @@ impl Parts {
         let rotors = profile.map(|profile| profile.rotors).unwrap_or_default();
         if rotors.is_empty() {
             let message = format!("robot `{}` has no rotors: its profile has no [rotors.NAME]", robot.name);
-            return Err(refused(message)
-                .advise("add a table for each, with `frame`, `spin`, `max_thrust` and `torque_per_thrust`"));
+            return Err(refused(message).advise(
+                "add a table for each rotor, with `frame`, `spin`, `max_thrust` and `torque_per_thrust`",
+            ));
         }
         if model.joint_count() > 0 {
             let message =
                 format!("robot `{}` has joints, but this controller flies only rigid bodies", robot.name);
-            return Err(refused(message).advise("make its joints `fixed` in the URDF"));
+            return Err(refused(message).advise("make the joints of the robot `fixed` in the URDF"));
         }
         if !model.base().floating {
             let message = format!("the base of robot `{}` is fixed", robot.name);
-            return Err(refused(message).advise("write `base = \"floating\"` in its profile"));
+            return Err(refused(message).advise("write `base = \"floating\"` in the robot's profile"));
         }
         let inertia = &model.base().inertia;
         let mut kinematics = Kinematics::new(&model);
@@ -112,7 +113,7 @@ impl Parts {
         let most = config.max_thrust_share * mixer.max_thrust();
         if most < 1.05 * weight {
             let message = format!(
-                "the rotors of robot `{}` produce at most {most:.3} N, but it weighs {weight:.3} N",
+                "the rotors of robot `{}` produce at most {most:.3} N, but the robot weighs {weight:.3} N",
                 robot.name
             );
             return Err(

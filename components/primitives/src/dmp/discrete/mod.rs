@@ -48,8 +48,8 @@ pub struct DiscreteDmp {
     acceleration: Vec<f64>,
 }
 
-/// Minimum time for reaching a goal set during the movement, as a fraction of the duration. For variants with
-/// a quintic goal.
+/// Minimum time for reaching a goal set during the movement, as a fraction of the duration. Used by the
+/// variants with a quintic goal.
 pub const REPLANNING_TIME: f64 = 0.5;
 
 impl DiscreteDmp {
@@ -111,7 +111,7 @@ impl DiscreteDmp {
     /// term. In a fitted model this is the initial acceleration of the demonstrations.
     ///
     /// # Errors
-    /// Same as [`Self::start`].
+    /// [`MoveError`] in the same cases as [`Self::start`].
     pub fn start_at_velocity(
         &mut self,
         [position, velocity]: [&[f64]; 2],
@@ -139,7 +139,7 @@ impl DiscreteDmp {
     /// needs no acceleration.
     ///
     /// # Errors
-    /// Same as [`Self::start`].
+    /// [`MoveError`] in the same cases as [`Self::start`].
     pub fn start_moving(
         &mut self,
         [position, velocity, acceleration]: [&[f64]; 3],
@@ -161,11 +161,12 @@ impl DiscreteDmp {
 
     /// Starts a stroke: a movement with an initial velocity and acceleration that passes the goal after
     /// `duration` seconds with `final_velocity` (per second). Afterwards the primitive continues at that
-    /// velocity. The initial acceleration of the forcing term is added to `acceleration`. For
-    /// [`Variant::FinalVelocity`](super::Variant::FinalVelocity) only.
+    /// velocity. The initial acceleration of the forcing term is added to `acceleration`. Only
+    /// [`Variant::FinalVelocity`](super::Variant::FinalVelocity) supports strokes.
     ///
     /// # Errors
-    /// Same as [`Self::start`]. Also if the model has another variant.
+    /// [`MoveError`] in the same cases as [`Self::start`], and if the model has a variant other than
+    /// [`Variant::FinalVelocity`](super::Variant::FinalVelocity).
     pub fn start_striking(
         &mut self,
         [position, velocity, acceleration]: [&[f64]; 3],

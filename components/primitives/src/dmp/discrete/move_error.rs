@@ -2,7 +2,7 @@
 
 use crate::dmp::Variant;
 
-/// Error of starting or steering a movement. The movement is left unchanged.
+/// Error returned when a movement cannot be started or steered. The movement is left unchanged.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum MoveError {
     /// A vector's length differs from the number of dimensions.
@@ -38,7 +38,9 @@ pub enum MoveError {
         /// Variant of the primitive.
         variant: Variant,
     },
-    /// The other model has different settings.
-    #[error("the other model has different settings: only weights can be exchanged at run time")]
+    /// The settings of the new model differ from the settings of the running model.
+    #[error(
+        "the settings of the new model differ from the current settings: only weights can be exchanged at run time"
+    )]
     OtherSettings,
 }

@@ -5,9 +5,9 @@ use crate::dmp::model::DmpModel;
 use crate::dmp::quintic::{Jet, Quintic};
 
 impl DiscreteDmp {
-    /// Exchanges the weights for a copy of another model's weights, without allocating. The other model must
-    /// have the same settings and dimensions. Call this between movements only: during a movement the forcing
-    /// term would be discontinuous.
+    /// Exchanges the weights for a copy of the weights of `model`, without allocating. `model` must have the
+    /// settings and dimensions of the current model. Call this between movements only: during a movement the
+    /// forcing term would be discontinuous.
     ///
     /// # Errors
     /// [`MoveError`] if the settings or the number of dimensions differ.
@@ -25,11 +25,11 @@ impl DiscreteDmp {
 
     /// Changes the goal during a movement. Position and velocity stay continuous.
     ///
-    /// A variant with a quintic goal also keeps the acceleration continuous. It plans a new polynomial from
-    /// the current state to the end of the movement. If less than [`REPLANNING_TIME`] of the duration
-    /// remains, the polynomial lasts that long and the end is postponed. In the other variants the
-    /// acceleration changes in a step by `K / T^2` times the change of the goal, unless `goal_rate` filters
-    /// the goal.
+    /// A variant with a quintic goal also keeps the acceleration continuous. Such a variant plans a new
+    /// polynomial from the current state to the end of the movement. If less than [`REPLANNING_TIME`] of the
+    /// duration remains, the polynomial lasts for that part of the duration, and the end is postponed. In the
+    /// other variants the acceleration changes in a step by `K / T^2` times the change of the goal, unless
+    /// `goal_rate` filters the goal.
     ///
     /// # Errors
     /// [`MoveError`] if the length is wrong, or a number is not finite.

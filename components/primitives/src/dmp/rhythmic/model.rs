@@ -49,7 +49,7 @@ pub struct StoredRhythmicModel {
     pub weights: Vec<Vec<f64>>,
 }
 
-/// Error of fitting a rhythmic primitive to periods.
+/// Error returned when a rhythmic primitive cannot be fitted to periods.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum PeriodError {
     /// A period has too few samples.
@@ -66,7 +66,7 @@ pub enum PeriodError {
     #[error("the samples have no dimension, expected at least one")]
     NoDimension,
     /// Periods differ in their number of dimensions.
-    #[error("period {index} has {found} dimensions, expected {expected} as in the first")]
+    #[error("period {index} has {found} dimensions, expected {expected} as in the first period")]
     Dimensions {
         /// Index of the period, from 0.
         index: usize,
@@ -171,7 +171,7 @@ impl RhythmicModel {
     /// [`fit`](Self::fit).
     ///
     /// # Errors
-    /// Same as [`fit`](Self::fit).
+    /// [`PeriodError`] in the same cases as [`fit`](Self::fit).
     pub fn fit_locally_weighted(
         settings: RhythmicSettings,
         periods: &[DMatrix<f64>],

@@ -52,7 +52,7 @@ struct Number {
 const SIGNED: [(i64, u32); 8] =
     [(0x02, 8), (0x03, 16), (0x04, 32), (0x10, 24), (0x12, 40), (0x13, 48), (0x14, 56), (0x15, 64)];
 
-/// Error of reading a data sheet.
+/// Error returned when a data sheet cannot be read.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("line {line}: {message}")]
 pub struct EdsError {
@@ -272,8 +272,8 @@ impl Entry {
         matches!(self.access.as_str(), "rw" | "rww" | "rwr" | "wo")
     }
 
-    /// Returns the value for node ID `node`: the value of the specific device, otherwise the default; `None`
-    /// without either.
+    /// Returns the value for node ID `node`: the value of the specific device, or the default if the data
+    /// sheet has no specific value. `None` if it has neither.
     pub fn value(&self, node: u8) -> Option<i64> {
         self.value.map(|value| value.for_node(node))
     }

@@ -2,7 +2,7 @@
 //! expedited service data, and process data in the cyclic modes.
 //!
 //! The controlword 0x6040 drives the state machine of a drive, and the statusword 0x6041 reports its state.
-//! Setpoints are sent once per synchronisation, and take effect with it.
+//! Setpoints are sent once per synchronisation frame, and take effect when that frame arrives.
 
 pub mod eds;
 mod service;
@@ -31,7 +31,7 @@ pub enum NetworkCommand {
     Start = 0x01,
     /// Enters *stopped*: only network management and heartbeat remain active.
     Stop = 0x02,
-    /// Enters *pre-operational*: service data, no process data.
+    /// Enters *pre-operational*: service data are exchanged, but no process data.
     PreOperational = 0x80,
     /// Restarts the device.
     Reset = 0x81,
@@ -49,7 +49,7 @@ pub enum NetworkState {
     Stopped = 0x04,
     /// Process data are exchanged.
     Operational = 0x05,
-    /// Service data, no process data.
+    /// Service data are exchanged, but no process data.
     PreOperational = 0x7f,
 }
 
@@ -201,7 +201,7 @@ pub fn sync() -> Frame {
     Frame::classic(Id::Standard(0x080), &[])
 }
 
-/// Returns the heartbeat frame of the adapter, node 127. Drives disable themselves in its absence.
+/// Returns the heartbeat frame of the adapter, node 127. Drives disable themselves when the heartbeat stops.
 pub fn adapter_heartbeat() -> Frame {
     Frame::classic(Id::Standard(0x700 | u16::from(ADAPTER)), &[NetworkState::Operational as u8])
 }
@@ -237,7 +237,7 @@ impl Node {
         Frame::classic(Id::Standard(0x000), &[command as u8, self.0])
     }
 
-    /// Node side: decodes the command in a frame for this node or for all nodes.
+    /// Decodes a network management command that the node has received, for this node or for all nodes.
     ///
     /// # Errors
     /// Returns an error if the frame is not a network management command, is for another node, or has an
@@ -258,7 +258,7 @@ impl Node {
         found.ok_or(DecodeError::Field { field: "the network command", found: command.into() })
     }
 
-    /// Node side: returns the heartbeat frame.
+    /// Returns the frame with which the node sends its heartbeat.
     pub fn heartbeat_frame(self, state: NetworkState) -> Frame {
         Frame::classic(self.id(0x700), &[state as u8])
     }
@@ -286,7 +286,7 @@ impl Node {
         Ok(Emergency { code: u16::from_le_bytes([low, high]), register })
     }
 
-    /// Node side: returns the frame of an emergency message.
+    /// Returns the frame with which the node sends an emergency message.
     pub fn emergency_frame(self, emergency: &Emergency) -> Frame {
         let [low, high] = emergency.code.to_le_bytes();
         Frame::classic(self.id(0x080), &[low, high, emergency.register, 0, 0, 0, 0, 0])
@@ -303,10 +303,11 @@ impl Node {
         Frame::classic(self.id(0x200), &[c0, c1, a, b, c, d])
     }
 
-    /// Node side: decodes the setpoints in a frame.
+    /// Decodes the setpoints in a frame that the node has received.
     ///
     /// # Errors
-    /// Returns an error if the frame does not contain setpoints for this node, or belongs to another mode.
+    /// Returns an error if the frame does not contain setpoints for this node, or if its length does not
+    /// match `mode`.
     pub fn setpoint_of(self, mode: Mode, frame: &Frame) -> Result<Setpoint, DecodeError> {
         let word = |low, high| u16::from_le_bytes([low, high]);
         if mode == Mode::Torque {
@@ -318,7 +319,7 @@ impl Node {
         Ok(Setpoint { controlword: word(c0, c1), target: i32::from_le_bytes([a, b, c, d]) })
     }
 
-    /// Node side: returns the frame of process data.
+    /// Returns the frame with which the node sends process data.
     pub fn process_frame(self, process: &Process) -> Frame {
         match *process {
             Process::Position { statusword, position } => {
@@ -335,7 +336,7 @@ impl Node {
     /// Decodes process data.
     ///
     /// # Errors
-    /// Returns an error if the frame is not process data of this node, has another length, or has a
+    /// Returns an error if the frame is not process data of this node, has the wrong length, or has a
     /// statusword without a valid state.
     pub fn process(self, frame: &Frame) -> Result<Process, DecodeError> {
         if frame.id == self.id(0x280) {

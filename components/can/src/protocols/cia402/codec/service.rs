@@ -43,7 +43,8 @@ impl Object {
     pub const RATED_CURRENT: Self = Self { index: 0x6075, subindex: 0 };
     /// Time between two setpoints, as a number of units.
     pub const INTERPOLATION_UNITS: Self = Self { index: 0x60c2, subindex: 1 };
-    /// Power of ten of the unit of [`INTERPOLATION_UNITS`](Self::INTERPOLATION_UNITS), in seconds.
+    /// Exponent of the unit of [`INTERPOLATION_UNITS`](Self::INTERPOLATION_UNITS): the unit is this power of
+    /// ten, in seconds.
     pub const INTERPOLATION_EXPONENT: Self = Self { index: 0x60c2, subindex: 2 };
     /// Supported modes of operation, one bit each.
     pub const SUPPORTED_MODES: Self = Self { index: 0x6502, subindex: 0 };
@@ -170,7 +171,7 @@ impl Node {
         Frame::classic(self.id(0x600), &[command, low, high, object.subindex, a, b, c, d])
     }
 
-    /// Node side: decodes the requested service.
+    /// Decodes a service request that the node has received.
     ///
     /// # Errors
     /// Returns an error if the frame is not a service for this node, is not expedited, or has reserved bits
@@ -185,7 +186,7 @@ impl Node {
         }
     }
 
-    /// Node side: returns the frame that answers a service with the value of a read, or with an abort code.
+    /// Returns the frame with which the node answers a service: the value of a read, or an abort code.
     pub fn service_answer(self, service: &Service, answer: Result<Value, u32>) -> Frame {
         let (of, answer) = match (*service, answer) {
             (Service::Read(of) | Service::Write(of, _), Err(code)) => (of, (0x80, code.to_le_bytes())),
@@ -199,8 +200,8 @@ impl Node {
     /// Decodes the answer to a service. Returns the value of a read, or `None` for a write.
     ///
     /// # Errors
-    /// Returns an error if the frame is not an answer of this node, concerns another object, or is not
-    /// expedited, or if the node refused the service.
+    /// Returns an error if the frame is not an answer of this node, concerns an object that was not
+    /// requested, or is not expedited, or if the node refused the service.
     pub fn service_result(self, service: &Service, frame: &Frame) -> Result<Option<Value>, DecodeError> {
         let data: &[u8; 8] = exactly(frame, self.id(0x580))?;
         let (Service::Read(asked) | Service::Write(asked, _)) = *service;

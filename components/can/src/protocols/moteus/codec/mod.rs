@@ -1,4 +1,4 @@
-//! moteus: registers over CAN FD.
+//! Protocol of moteus drives: registers over CAN FD.
 //!
 //! A frame consists of subframes. Each subframe writes or queries consecutive registers in one of four
 //! resolutions. Positions are in turns of the output. If no command arrives within the time specified in the
@@ -210,7 +210,7 @@ impl Node {
         out.frame(self.id())
     }
 
-    /// Drive side: decodes the message in a frame.
+    /// Decodes a message that the drive has received.
     ///
     /// # Errors
     /// Returns an error if the frame is for another drive, is truncated, or contains an unsupported mode,
@@ -249,7 +249,7 @@ impl Node {
         }
     }
 
-    /// Drive side: returns the frame of an answer.
+    /// Returns the frame with which the drive answers.
     pub fn reply_frame(self, state: &State, resolution: Resolution) -> Frame {
         let mut out = Writer::default();
         out.head(REPLY, Resolution::Int8, MODE, 1);

@@ -138,7 +138,7 @@ impl State {
         })
     }
 
-    /// Servo side: writes the state into the registers from [`STATE`] on.
+    /// Writes the state into a servo's registers from [`STATE`] on.
     pub fn encode(&self, data: &mut [u8; STATE_BYTES as usize]) {
         let nearest = |x: f64| if x < 0.0 { (x - 0.5) as i32 } else { (x + 0.5) as i32 };
         data[LOAD..LOAD + 2].copy_from_slice(&self.load.to_le_bytes());

@@ -148,7 +148,7 @@ impl State {
         })
     }
 
-    /// Servo side: writes the measured values into the registers from [`TORQUE_ENABLE`] on.
+    /// Writes the measured values into a servo's registers from [`TORQUE_ENABLE`] on.
     pub fn encode(&self, data: &mut [u8; STATE_BYTES as usize]) {
         data[0] = self.is_enabled.into();
         let mut put = |at: usize, word: u16| data[at..at + 2].copy_from_slice(&word.to_le_bytes());
