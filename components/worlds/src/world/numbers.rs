@@ -1,4 +1,4 @@
-//! Checks of the numbers of a ground and of objects.
+//! Range checks of the numbers of the ground and the objects.
 
 use super::checks::{check, finite, from_zero, positive};
 use super::shape::check_parts;

@@ -1,4 +1,4 @@
-//! Checks of surfaces, and one rule of friction for a whole world.
+//! Checks of surfaces, and the choice of one friction rule for a whole world.
 
 use nalgebra::Vector3;
 

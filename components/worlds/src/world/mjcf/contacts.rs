@@ -1,5 +1,5 @@
-//! Contacts of the geoms of a world: surfaces with their `condim`, and the pairs that cannot collide by
-//! `contype` and `conaffinity`.
+//! Contacts of the geoms of a world: the surface properties with the `condim` of each geom, and the pairs of
+//! geoms that `contype` and `conaffinity` exclude from collision.
 
 use motorium_robots::mjcf::{Attributes, Element, MjcfError, MjcfProblem, named};
 use roxmltree::Node;

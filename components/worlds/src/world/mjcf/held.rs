@@ -1,4 +1,4 @@
-//! `<equality><connect>` and `<weld>` of bodies of a world: connections of its objects.
+//! Conversion of `<equality><connect>` and `<weld>` between bodies to connections between objects.
 
 use std::collections::HashMap;
 
