@@ -6,7 +6,7 @@ use serde::Deserialize;
 
 use crate::arithmetic::Real;
 
-/// A tensor, in single precision unless another scalar type is chosen.
+/// A tensor of numbers of type `T`, by default `f32`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tensor<T = f32> {
     /// Length of each axis.
@@ -40,7 +40,7 @@ pub enum SafetensorsError {
     /// The header is invalid.
     #[error("invalid header: {0}")]
     Header(String),
-    /// The number type is unsupported.
+    /// The number type of a tensor is unsupported.
     #[error(
         "tensor \"{name}\" has numbers of type {found}, expected F32, F64, F16 or BF16; help: convert it with `.float()`"
     )]
@@ -50,7 +50,7 @@ pub enum SafetensorsError {
         /// Number type found.
         found: String,
     },
-    /// The byte range does not match the tensor.
+    /// The byte range of a tensor does not match its shape and number type.
     #[error("tensor \"{name}\": bytes {from} to {to} of {size}, expected {expected} bytes within the file")]
     Bytes {
         /// Name of the tensor.
@@ -148,8 +148,7 @@ pub fn read<T: Real>(bytes: &[u8]) -> Result<Tensors<T>, SafetensorsError> {
     Ok(Tensors { tensors, metadata: metadata.unwrap_or_default() })
 }
 
-/// Returns the bytes of a safetensors file. The tensors are stored as `F32`, in the order of the tensors'
-/// names.
+/// Returns the bytes of a safetensors file. The tensors are stored as `F32`, sorted by name.
 ///
 /// # Errors
 ///

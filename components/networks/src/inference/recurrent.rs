@@ -80,7 +80,7 @@ impl<T: Lanes> Direction<T> {
 
     /// Runs over an input sequence (steps, batch, inputs). `initial` contains the initial state and the
     /// initial cell state (batch, hidden); `None` starts from 0. Calls `record` with the index of each step
-    /// and the state after it.
+    /// and the state after that step.
     pub fn run(
         &mut self,
         (arch, sequence): (Arch, Sequence),
