@@ -39,7 +39,7 @@ pub struct Skeleton {
     pub(crate) channels: Vec<String>,
 }
 
-/// A limb: from one joint of a skeleton to another.
+/// A limb of a skeleton: the straight line from one joint to another.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Limb {
     /// Name, such as `right_forearm`.

@@ -11,7 +11,7 @@ use super::decoder::{Decoder, Schema, Unsupported};
 use super::framing::Summary;
 use super::records::{Damage, Records};
 
-/// A channel of a file.
+/// A channel of an MCAP file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Channel {
     /// Name of the channel, such as `/joint_states`.
@@ -87,7 +87,7 @@ pub enum LogError {
         /// All channels of the file.
         known: String,
     },
-    /// A message lacks channels of the recording.
+    /// The channels in a message differ from the channels in the first message.
     #[error("channel `{topic}`, message {number}: found {found}, expected {expected}")]
     Uneven {
         /// Name of the channel.
@@ -112,7 +112,7 @@ fn choice(field: &str, found: &[String], known: &str) -> String {
     }
 }
 
-/// A message of a file.
+/// A message of an MCAP file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Message<'l> {
     /// Index in [`MessageLog::channels`].
@@ -123,7 +123,7 @@ pub struct Message<'l> {
     pub data: Cow<'l, [u8]>,
 }
 
-/// An MCAP file, written by any program.
+/// The channels and messages of an MCAP file, written by any program.
 #[derive(Debug)]
 pub struct MessageLog<B> {
     bytes: B,

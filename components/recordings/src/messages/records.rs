@@ -24,7 +24,7 @@ pub struct Damage {
 
 impl Damage {
     /// Returns descriptions of the faults, each as a predicate such as "is incomplete". `is_whole` is `true`
-    /// if the end of the file is present, `begin_ns` the time of its start \[ns\].
+    /// if the end of the file is present. `begin_ns` is the time at which the file starts \[ns\].
     pub fn faults(&self, is_whole: bool, begin_ns: u64) -> Vec<String> {
         let mut faults = Vec::new();
         if !is_whole {
@@ -88,7 +88,8 @@ pub struct Records<'a> {
 }
 
 impl<'a> Records<'a> {
-    /// Creates an iterator over the records of a file. `checks_all` also verifies the checksum of all data.
+    /// Creates an iterator over the records of a file. If `checks_all` is `true`, the iterator also verifies
+    /// the checksum of the whole data section.
     pub fn new(file: &'a [u8], summary: &'a Summary, checks_all: bool) -> Self {
         Self {
             file,

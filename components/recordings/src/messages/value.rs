@@ -1,4 +1,4 @@
-//! Decoded messages.
+//! Decoded messages, and access to their fields by path.
 
 use std::fmt;
 use std::sync::Arc;
