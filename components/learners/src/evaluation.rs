@@ -31,9 +31,9 @@ pub struct Evaluation {
     pub iqm_interval: [f64; 2],
     /// Mean length of an episode \[steps\].
     pub mean_length: f64,
-    /// Number of episodes with the verdict failure.
+    /// Number of failed episodes: a termination with the verdict `failure` ended them.
     pub failures: usize,
-    /// Number of episodes with the verdict success.
+    /// Number of successful episodes: a termination with the verdict `success` ended them.
     pub successes: usize,
     /// Return of each episode, in order.
     pub returns: Vec<f64>,
@@ -123,8 +123,8 @@ pub struct Comparison {
     pub difference: f64,
     /// 95 % bootstrap interval of the difference.
     pub difference_interval: [f64; 2],
-    /// Fraction of the episodes that the policy improved: its return is larger than the baseline's. Equal
-    /// returns count half.
+    /// Fraction of the episodes in which the policy's return exceeds the baseline's. An episode with equal
+    /// returns counts half.
     pub improved: f64,
 }
 

@@ -63,7 +63,7 @@ pub enum FolderError {
         /// Action that fixes the error.
         help: &'static str,
     },
-    /// The path of the task cannot be stored in the description of a run, because it is not UTF-8.
+    /// The path of the task cannot be stored in the description of a run, because the path is not UTF-8.
     #[error(
         "{}: the path is not UTF-8\n\
          help: move the task to a folder whose path is UTF-8",

@@ -1,4 +1,5 @@
-//! Counter-based random numbers: only the counter determines them, not the order of the draws.
+//! Counter-based random numbers: each number depends only on a counter, not on the order in which numbers are
+//! drawn.
 //!
 //! ```
 //! use motorium_learners::random::{Counter, Purpose};

@@ -41,7 +41,7 @@ use crate::task::{Task, TaskError, Terms};
 /// levels and delay of the paper).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Td3Settings {
-    /// Settings of steps, replay and networks. Defaults differ from the source: see
+    /// Settings of steps, replay and networks. Some defaults differ from the source, in the same way as in
     /// [`SacSettings`](crate::sac::SacSettings).
     #[serde(flatten)]
     pub replay: ReplaySettings,
@@ -82,8 +82,8 @@ impl Td3Settings {
         ])
     }
 
-    /// Creates a training run before its first step. `run` contains the seed and the number of threads;
-    /// `build` creates the simulation of each world.
+    /// Creates a training run that has not performed any step yet. `run` contains the seed and the number of
+    /// threads; `build` creates the simulation of each world.
     ///
     /// # Errors
     ///

@@ -1,4 +1,4 @@
-//! Trained policies on disk, for a task.
+//! Loading of trained policies from disk, and checks that they fit a task.
 
 use std::path::Path;
 

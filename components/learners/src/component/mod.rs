@@ -1,4 +1,5 @@
-//! `learner.task`: a task in a graph, and the topic with the progress of a training run.
+//! The component `learner.task`, which evaluates a task in a graph, and the topic with the progress of a
+//! training run.
 
 mod config;
 mod images;
@@ -40,9 +41,9 @@ const CAPACITY: usize = 16;
 ///
 /// The component evaluates the same terms as training, so a graph and a training environment yield the same
 /// values. It runs at the rate of the policy. The reward of a step depends on the state at the next step and
-/// on the action published in between. The first observation of an episode is the last one before the first
-/// action of the policy. With `ends_episode = true` the component ends the episode when the task ends;
-/// otherwise it publishes nothing from then until the next episode starts.
+/// on the action published in between. The first observation of an episode is the last observation before the
+/// first action of the policy. With `ends_episode = true` the component ends the episode when the task ends;
+/// otherwise it publishes nothing between the end of the task and the start of the next episode.
 pub struct LearnerTask {
     terms: Terms,
     trial: Trial,

@@ -91,7 +91,7 @@ impl<E: Engine + Send> VectorEnvironment<E> {
         self.batch.count()
     }
 
-    /// Returns the number of threads that step the worlds, including the caller's.
+    /// Returns the number of threads that step the worlds, including the calling thread.
     pub fn threads(&self) -> usize {
         self.batch.threads()
     }
@@ -203,9 +203,9 @@ impl<E: Engine + Send> VectorEnvironment<E> {
         Ok(&self.steps)
     }
 
-    /// Applies one action per world and steps physics like [`step`](Self::step), but without observations,
-    /// rewards, ends of episodes or changes of pushes. Call [`restart`](Self::restart) before the next step
-    /// of the task.
+    /// Applies one action per world and steps physics like [`step`](Self::step), but computes no observations
+    /// or rewards, ends no episodes, and does not change pushes. Call [`restart`](Self::restart) before the
+    /// next step of the task.
     ///
     /// # Panics
     ///

@@ -91,13 +91,13 @@ pub enum BodyError {
 pub struct Body {
     /// Library of all degrees of freedom, built from recordings.
     pub whole: MotionLibrary,
-    /// Library of both arms, split off `whole`.
+    /// Library of both arms, extracted from `whole`.
     pub arms: MotionLibrary,
-    /// Library of both legs, split off `whole`.
+    /// Library of both legs, extracted from `whole`.
     pub legs: MotionLibrary,
-    /// Library of the right arm, split off `whole`.
+    /// Library of the right arm, extracted from `whole`.
     pub right_arm: MotionLibrary,
-    /// Library of the left leg, split off `whole`.
+    /// Library of the left leg, extracted from `whole`.
     pub left_leg: MotionLibrary,
     /// Library of arms and legs merged as parts of the same movements; equal to `whole`.
     pub together: MotionLibrary,
@@ -111,7 +111,7 @@ impl Body {
     /// Builds the libraries from windows with the names of [`CHANNELS`].
     ///
     /// # Errors
-    /// [`BodyError`] if no library can be built from the windows, or they lack arms or legs.
+    /// [`BodyError`] if no library can be built from the windows, or the windows lack arms or legs.
     pub fn learn(seen: &Recordings) -> Result<Self, BodyError> {
         let spring = SampledSpring::new(WINDOW, DAMPING)?;
         let whole = MotionLibrary::build(seen, spring, Metric::Force, Truncation::All)?;

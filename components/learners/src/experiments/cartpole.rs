@@ -2,10 +2,10 @@
 //!
 //! The demonstrator keeps the pole upright, but pushes slightly to one side and ignores the cart, which runs
 //! off its track. A policy learns from a short demonstration and then from rewards, or from rewards alone.
-//! [`Power`] trains a linear policy, [`Ppo`] a network.
+//! [`Power`] trains a linear policy; [`Ppo`] trains a network.
 //!
-//! Source: Delhaisse's thesis, 2019, section 2.4.4, figure 2.32. The demonstration and the settings are not
-//! stated there.
+//! Source: Delhaisse's thesis, 2019, section 2.4.4, figure 2.32. The thesis does not state the demonstration
+//! and the settings.
 
 use std::path::Path;
 
@@ -50,7 +50,7 @@ impl Method {
     /// All methods.
     pub const ALL: [Self; 2] = [Self::Power, Self::Ppo];
 
-    /// Returns the name in figures.
+    /// Returns the name in the figures of the study.
     pub fn name(self) -> &'static str {
         match self {
             Self::Power => "PoWER",
@@ -73,7 +73,7 @@ impl Beginning {
     /// All initial policies.
     pub const ALL: [Self; 2] = [Self::Imitation, Self::Scratch];
 
-    /// Returns the name in figures.
+    /// Returns the name in the figures of the study.
     pub fn name(self) -> &'static str {
         match self {
             Self::Imitation => "after imitation",
@@ -121,7 +121,7 @@ pub enum StudyError {
     /// A network cannot be evaluated.
     #[error(transparent)]
     Network(#[from] OnnxError),
-    /// The observations or actions of the task differ from a cart-pole's.
+    /// The observations or actions of the task are not the observations and actions of a cart-pole.
     #[error("the task has {inputs} observations and {actions} actions, expected 4 and 2 as for a cart-pole")]
     Task {
         /// Length of an observation.
@@ -154,7 +154,8 @@ pub struct Trial {
 }
 
 impl Trial {
-    /// Returns the experience after which the mean return first reaches `level`; `None` if it never does.
+    /// Returns the experience after which the mean return first reaches `level`; `None` if the level is never
+    /// reached.
     pub fn experience_to(&self, level: f64) -> Option<u64> {
         self.curve.iter().find(|point| point.mean_return >= level).map(|point| point.experience)
     }
@@ -250,8 +251,8 @@ impl Study {
         self.trials(method, beginning).filter_map(|trial| Some(trial.curve.last()?.mean_return)).collect()
     }
 
-    /// Returns the experience after which each trial first reaches a mean return of `level`; infinite if it
-    /// never does.
+    /// Returns the experience after which each trial first reaches a mean return of `level`; infinite if the
+    /// level is never reached.
     pub fn experience_to(&self, level: f64, method: Method, beginning: Beginning) -> Vec<f64> {
         let found = |trial: &Trial| trial.experience_to(level).map_or(f64::INFINITY, |found| found as f64);
         self.trials(method, beginning).map(found).collect()

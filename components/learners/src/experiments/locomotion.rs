@@ -31,8 +31,8 @@ pub struct GaitParameter {
     pub hand_set: f64,
 }
 
-/// The optimised parameters. Phases refer to the front legs; the hind legs mirror them. The knee bends by
-/// twice the hip angle, so that the foot stays below the hip.
+/// The optimised parameters. Phases refer to the front legs; the hind legs mirror the front legs. The knee
+/// bends by twice the hip angle, so that the foot stays below the hip.
 pub const PARAMETERS: [GaitParameter; DIMENSIONS] = [
     GaitParameter { name: "frequency, Hz", range: [1.0, 4.0], hand_set: 2.0 },
     GaitParameter { name: "hip amplitude, rad", range: [0.05, 0.4], hand_set: 0.1875 },
@@ -84,7 +84,7 @@ impl Searcher {
     /// All search methods.
     pub const ALL: [Self; 3] = [Self::BayesianRbf, Self::BayesianMatern, Self::Random];
 
-    /// Returns the name in figures.
+    /// Returns the name of the method in figures.
     pub fn name(self) -> &'static str {
         match self {
             Self::BayesianRbf => "Bayesian optimisation; RBF",

@@ -1,5 +1,6 @@
 //! Experiments with the motion library and its learners, after Delhaisse, *Learning and control of humanoid
-//! robots* (PhD thesis, 2019), chapters 2 and 3. They return numbers, which `motorium reproduce` plots.
+//! robots* (PhD thesis, 2019), chapters 2 and 3. The experiments return numbers, which `motorium reproduce`
+//! plots.
 //!
 //! - [`search`]: policy search on weights of a library and of radial kernels.
 //! - [`body`]: libraries of a full body and of its parts, and composed movements.

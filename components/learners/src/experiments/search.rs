@@ -36,7 +36,7 @@ impl Goal {
 }
 
 /// Initial exploration of kernel weights. A library provides the variance of each of its weights; the kernels
-/// get the same total.
+/// share the same total.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum KernelPrior {
     /// Each kernel contributes equally to the squared force of the movements.
@@ -57,14 +57,15 @@ pub struct SearchSpace {
 }
 
 impl SearchSpace {
-    /// Returns a space of the first `n` eigenforces. Their weights are explored with the variance of the
-    /// weights of the library's movements.
+    /// Returns a space of the first `n` eigenforces. Each weight is explored with the variance that it has in
+    /// the movements of the library.
     pub fn library(library: &MotionLibrary, n: usize) -> Self {
         Self::library_of(library, n, library.entries().len())
     }
 
     /// Returns a space of the first `n` eigenforces of a library that represents `movements` movements. The
-    /// library needs no weights; it may be merged from independently moving parts, for example.
+    /// library does not have to contain weights, so it may be merged from independently moving parts, for
+    /// example.
     pub fn library_of(library: &MotionLibrary, n: usize, movements: usize) -> Self {
         let n = n.min(library.rank());
         let movements = movements.max(1) as f64;
@@ -103,8 +104,8 @@ impl SearchSpace {
         Self { variance, functions }
     }
 
-    /// Simulates the movement of `spring` under `forces`. Returns the weights that reproduce its path best,
-    /// by ridge regression.
+    /// Simulates the movement of `spring` under `forces`. Returns the weights that best reproduce the path of
+    /// this movement, by ridge regression.
     pub fn weights_of(&self, forces: &[f64], spring: &SampledSpring) -> Vec<f64> {
         let forces = DMatrix::from_column_slice(forces.len(), 1, forces);
         fit(&self.functions, &forces, spring).as_slice().to_vec()

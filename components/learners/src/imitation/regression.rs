@@ -63,8 +63,8 @@ impl Regression {
         Self::with_labels((inputs, active, false), settings, seed)
     }
 
-    /// Creates a network with random weights and one output for each of `choices` choices: the logarithm of
-    /// its probability, up to a constant. A label is the number of a choice.
+    /// Creates a network with random weights and one output for each of `choices` choices. The output is the
+    /// logarithm of the probability of the choice, up to a constant. A label is the number of a choice.
     ///
     /// # Errors
     ///

@@ -27,7 +27,7 @@ pub enum RunError {
     /// The expert does not fit the task.
     #[error("invalid expert: {0}")]
     Expert(#[from] TrainedPolicyError),
-    /// The algorithm does not support these sources.
+    /// The algorithm does not support the given sources of actions.
     #[error("{} learns from {expected}", algorithm.name())]
     Sources {
         /// Algorithm of the run.
@@ -61,7 +61,7 @@ pub struct Summary {
 /// Sources of the actions to imitate.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Sources<'a> {
-    /// Path of the folder with a policy that acts in simulated worlds.
+    /// Folder of the expert's policy, which acts in simulated worlds.
     pub expert: Option<&'a Path>,
     /// Recorded actions, which replace the steps of the first iteration.
     pub recorded: &'a [Recorded],

@@ -60,8 +60,8 @@ impl Costs {
     }
 }
 
-/// A stopwatch that assigns the time of a run to phases. It reads the clock a few times per step of all
-/// worlds and per gradient, and does not affect results.
+/// A stopwatch that assigns the time of a run to phases. The stopwatch reads the clock a few times per step
+/// of all worlds and per gradient. It does not affect results.
 #[derive(Clone, Copy, Debug)]
 pub struct Stopwatch {
     last: Instant,

@@ -1,5 +1,5 @@
-//! Off-policy learning: steps of all worlds are stored in a ring buffer, and gradients use random samples of
-//! it.
+//! Off-policy learning: steps of all worlds are stored in a ring buffer, and gradients use random samples
+//! from this buffer.
 //!
 //! [`OffPolicy`] steps the worlds, fills the [`ReplayBuffer`] and samples it; a method such as [soft
 //! actor-critic](crate::sac) explores and learns from the samples. The first steps are random. Observations
@@ -105,9 +105,9 @@ impl Gradient<'_> {
 pub struct Exploration {
     /// Seed of the run.
     pub seed: u64,
-    /// Total steps of all worlds before this step.
+    /// Number of steps before this step, in all worlds together.
     pub steps: u64,
-    /// Total steps of all worlds in the complete run.
+    /// Number of steps of the complete run, in all worlds together.
     pub total: u64,
 }
 
@@ -195,8 +195,8 @@ pub struct OffPolicy<E, M> {
 }
 
 impl<E: Engine + Send, M: Method> OffPolicy<E, M> {
-    /// Creates a training run before its first step. `method` creates the learning rule for the terms of the
-    /// task, `build` the simulation of each world.
+    /// Creates a training run that has not performed any step yet. `method` creates the learning rule for the
+    /// terms of the task, and `build` creates the simulation of each world.
     ///
     /// # Errors
     ///

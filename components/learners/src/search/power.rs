@@ -35,11 +35,11 @@ impl Default for PowerSettings {
 /// ```
 ///
 /// Rewards must be positive; other rewards count as 0. For weights of a motion library, `k^2 s_i^2 / N` (the
-/// variance of the weights in the library, `k` about 0.6) is the natural initial exploration, because it is
-/// large where movements differ.
+/// variance of the weights in the library, `k` about 0.6) is the natural initial exploration, because this
+/// variance is large where movements differ.
 ///
 /// Source: Kober, Peters, *Policy search for motor primitives in robotics*, Machine Learning 84, 2011, the
-/// episodic form; the update of the variance after their appendix.
+/// episodic form; the update of the variance follows their appendix.
 pub type Power = Generations<Weighted>;
 
 /// Search distribution of [`Power`].

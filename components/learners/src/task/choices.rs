@@ -1,10 +1,10 @@
-//! Discrete actions: a policy chooses one of some rows.
+//! Discrete actions: a policy chooses one row of a table.
 
 use motorium_models::policy::Policy;
 
 use super::{CHOICES, Task, TaskError};
 
-/// Actions among which a discrete policy chooses, with one row per action.
+/// The actions among which a policy with discrete actions chooses: a table with one row per action.
 ///
 /// ```
 /// use motorium_learners::task::Task;

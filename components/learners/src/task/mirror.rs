@@ -5,11 +5,11 @@ use serde::Deserialize;
 
 use super::{Choices, TaskError};
 
-/// Left-right symmetry of the robot and the task, about the plane of x and z of the base.
+/// Left-right symmetry of the robot and the task, about the x-z plane of the base.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Symmetry {
-    /// Pairs of joints that mirror each other. Other joints mirror themselves.
+    /// Pairs of joints that mirror each other. A joint that is not in a pair mirrors itself.
     pub pairs: Vec<[String; 2]>,
     /// Joints whose positions change sign when mirrored. Both joints of a pair must be listed.
     pub reversed: Vec<String>,

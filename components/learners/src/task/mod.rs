@@ -84,7 +84,8 @@ pub struct Task {
     pub step: f64,
     /// Number of physics steps per policy step, at least 1.
     pub decimation: usize,
-    /// Maximum duration of an episode \[s\]. An episode that reaches it is truncated, not terminated.
+    /// Maximum duration of an episode \[s\]. An episode that reaches this duration is truncated, not
+    /// terminated.
     pub duration: f64,
     /// Gravity, ground and objects around the robot, as in a graph. Paths are relative to the task. Default:
     /// Earth's gravity and no ground.
@@ -94,18 +95,18 @@ pub struct Task {
     pub start: StartState,
     /// Observation terms, in the format of `policy.toml`.
     pub observations: Vec<toml::Value>,
-    /// Depth cameras by name, with the keys of `sensor.depth_camera`. An image among the observations names
-    /// its camera, which has the number of pixels and, unless the observation states one, the range. Default:
-    /// none.
+    /// Depth cameras by name, with the keys of `sensor.depth_camera`. An image observation refers to one of
+    /// these cameras by name. The camera defines the number of pixels, and also the range unless the
+    /// observation specifies a range. Default: no cameras.
     #[serde(default)]
     pub cameras: Cameras,
-    /// Action, as in `policy.toml`, and the [`choices`](Self::choices) of a discrete one.
+    /// Action, as in `policy.toml`. A discrete action also has [`choices`](Self::choices).
     pub action: toml::Table,
     /// Settings of the wheels that a base twist moves, with the keys of `control.wheels`. A graph that runs
-    /// the policy states the same. Default: the defaults of `control.wheels`.
+    /// the policy must use the same settings. Default: the defaults of `control.wheels`.
     pub wheels: Option<WheelsConfig>,
-    /// Pattern generator commanded by the action, as in `policy.toml`. Default: the action commands the
-    /// joints.
+    /// Pattern generator commanded by the action, as in `policy.toml`. Default: no pattern generator; the
+    /// action commands the joints.
     pub pattern: Option<Pattern>,
     /// Terms of the reward, which are added.
     pub rewards: Vec<Reward>,
@@ -122,8 +123,8 @@ pub struct Task {
     /// number is sampled for each episode. Default: 0.
     #[serde(default)]
     pub delay: [usize; 2],
-    /// `true` limits position actions like a command gate: to the range and the velocity limit of each joint.
-    /// Default: false.
+    /// `true` limits position actions to the range and the velocity limit of each joint, as a command gate
+    /// does. Default: false.
     #[serde(default)]
     pub within_limits: bool,
     /// Ranges of physical properties and start states, sampled at the start of every episode, as in a graph.
@@ -136,7 +137,7 @@ pub struct Task {
     pub algorithms: toml::Table,
 }
 
-/// State at the start of an episode, before its randomisation.
+/// State at the start of an episode, to which randomisation is added.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StartState {
@@ -147,8 +148,8 @@ pub struct StartState {
     /// Maximum deviation of each velocity from the start, uniformly distributed \[rad/s or m/s\]. Default: 0.
     #[serde(default)]
     pub velocity_spread: f64,
-    /// Number of physics steps without commands before the first observation. In a graph the number is 1: the
-    /// first state is published after the first step, before a command can arrive. Default: 0.
+    /// Number of physics steps without commands before the first observation. A graph always performs 1 such
+    /// step: the first state is published after the first step, before a command can arrive. Default: 0.
     #[serde(default)]
     pub free_steps: usize,
 }
@@ -284,7 +285,7 @@ impl Task {
     ///
     /// # Errors
     ///
-    /// [`TaskError`] if the terms do not serialise, or an image is not of a camera of the task.
+    /// [`TaskError`] if the terms do not serialise, or an image refers to an unknown camera.
     pub fn policy_text(&self, robot: Option<RobotDigest>) -> Result<String, TaskError> {
         let mut table = toml::Table::new();
         table.insert("network".into(), NETWORK.into());

@@ -22,7 +22,8 @@ pub enum Quantity {
     JointEffort,
     /// Root mean square of the applied (clipped) action.
     Action,
-    /// Root mean square of the change of the applied (clipped) action since the last step.
+    /// Root mean square of the difference between the applied (clipped) actions of this step and the previous
+    /// step.
     ActionChange,
     /// Root mean square of the efforts of the action's joints in the last physics step \[Nm or N\].
     Effort,
@@ -42,11 +43,12 @@ pub enum Quantity {
     BaseHeight,
     /// Sum of the forces of contacts on `links` in the last physics step \[N\].
     ContactForce,
-    /// Distance of the first of `points` from the second, or from the origin of the world \[m\].
+    /// Distance between the two `points`, or between a single point and the world origin \[m\].
     Distance,
-    /// Height of the first of `points` above the second, or in the world \[m\].
+    /// Height of the first of `points` above the second point, or of a single point above the world origin
+    /// \[m\].
     Height,
-    /// Speed of the first of `points` relative to the second, or in the world \[m/s\].
+    /// Relative speed of the two `points`, or speed of a single point in the world \[m/s\].
     Speed,
 }
 
@@ -92,12 +94,12 @@ pub struct Reward {
     /// Factor of the term. Default: 1.
     #[serde(default = "one")]
     pub weight: f64,
-    /// Terms by which this term is multiplied. They cannot have `times` themselves. Default: none.
+    /// Terms by which this term is multiplied. These terms cannot contain `times`. Default: no factors.
     #[serde(default)]
     pub times: Vec<Self>,
 }
 
-/// Meaning of a termination for the task.
+/// Result of an episode that ends by a termination.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
@@ -108,7 +110,7 @@ pub enum Verdict {
     Success,
 }
 
-/// A condition that ends an episode.
+/// A condition that ends an episode: a quantity is outside or inside a range.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Termination {
@@ -122,14 +124,15 @@ pub struct Termination {
     pub links: Option<Vec<String>>,
     /// One or two points, for `distance`, `height` and `speed`: links, objects, or `target`.
     pub points: Option<Vec<String>>,
-    /// Range outside of which the quantity ends the episode.
+    /// The episode ends if the quantity is outside this range.
     pub outside: Option<[f64; 2]>,
-    /// Range inside of which the quantity ends the episode.
+    /// The episode ends if the quantity is inside this range.
     pub inside: Option<[f64; 2]>,
-    /// Meaning of the termination. Default: `failure`.
+    /// Result of the episode if this condition ends it. Default: `failure`.
     #[serde(default)]
     pub verdict: Verdict,
-    /// Further conditions that must also hold. They cannot have `and` or `verdict` themselves. Default: none.
+    /// Further conditions that must hold at the same time to end the episode. These conditions cannot contain
+    /// `and` or `verdict`. Default: no further conditions.
     #[serde(default)]
     pub and: Vec<Self>,
 }

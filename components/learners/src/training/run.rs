@@ -3,9 +3,9 @@
 //! | file | content |
 //! |---|---|
 //! | `task.toml` | the task |
-//! | `run.json` | algorithm, seed, steps, and the folder to which the robot of the task is relative |
+//! | `run.json` | algorithm, seed, steps, and the folder to which the path of the task's robot is relative |
 //! | `checkpoint.safetensors` | networks, optimiser, statistics, counters and running episodes |
-//! | `progress.csv` | one line an update |
+//! | `progress.csv` | one line per update |
 //! | `policy.toml`, `policy.onnx` | the policy, at every checkpoint |
 
 use std::fmt::Write as _;
@@ -82,7 +82,7 @@ struct Description {
 pub struct Summary {
     /// Algorithm of the run.
     pub algorithm: Algorithm,
-    /// Total steps of all worlds.
+    /// Number of steps in all worlds together.
     pub steps: u64,
     /// Number of updates.
     pub updates: u64,
@@ -220,8 +220,8 @@ impl Run {
         (self.learner.steps(), self.learner.total_steps())
     }
 
-    /// Performs one update, appends a line to the progress file, and writes a checkpoint when due. Returns
-    /// `None` once all steps have been performed.
+    /// Performs one update, appends a line to the progress file, and writes a checkpoint if one is due.
+    /// Returns `None` once all steps have been performed.
     ///
     /// # Errors
     ///
@@ -260,7 +260,7 @@ impl Run {
         written.map_err(|source| FileError { file, source }.into())
     }
 
-    /// Writes a checkpoint and the policy, as [`advance`](Self::advance) does when due.
+    /// Writes a checkpoint and the policy, as [`advance`](Self::advance) does at regular intervals.
     ///
     /// # Errors
     ///

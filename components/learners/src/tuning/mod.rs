@@ -5,15 +5,15 @@
 //! interrupted tuning continues where it stopped. If the evaluations are reproducible, parameters and rewards
 //! are bit-for-bit reproducible on any number of threads, also after a resume.
 //!
-//! On a robot, [`Tuning::attend`] runs one episode at a time. An [`Operator`] permits each and judges its
-//! result.
+//! On a robot, [`Tuning::attend`] runs one episode at a time. An [`Operator`] permits each episode and judges
+//! its result.
 //!
 //! | file | content |
 //! |---|---|
 //! | `tuning.json` | settings, and the description of the subject |
-//! | `evaluations.csv` | one line an evaluation: number, outcome, reward, parameters, reason of a failure |
+//! | `evaluations.csv` | one line per evaluation: number, outcome, reward, parameters, reason for a failure |
 //! | `checkpoint.json` | state of the search and the dialogue with an operator, number of evaluations |
-//! | `best.toml` | the best parameters, in the form of the subject |
+//! | `best.toml` | the best parameters, in the format that the subject defines |
 
 mod attended;
 mod dialogue;
@@ -75,9 +75,9 @@ pub struct Settings {
     pub seed: u64,
     /// Total number of evaluations, at least 1.
     pub evaluations: u64,
-    /// Number of simultaneous evaluations of a Bayesian search, at least 1. Each candidate is proposed
-    /// without the rewards of the last `together - 1` candidates. Other methods evaluate whole generations
-    /// together.
+    /// Number of simultaneous evaluations of a Bayesian search, at least 1. Each candidate is proposed before
+    /// the rewards of the previous `together - 1` candidates are known. All methods other than Bayesian
+    /// optimisation evaluate whole generations at once.
     pub together: usize,
 }
 
