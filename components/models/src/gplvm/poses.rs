@@ -17,8 +17,8 @@ pub struct Poses {
     pub columns: Vec<String>,
     /// Poses, one per row.
     pub values: Vec<f64>,
-    /// Rows at which movements start: the first row, and each row with another label `clip` than the row
-    /// before.
+    /// Rows at which movements start: the first row, and each row whose label `clip` differs from the
+    /// previous row's.
     pub starts: Vec<usize>,
 }
 

@@ -226,10 +226,11 @@ impl Hsmm {
         Ok((value, path))
     }
 
-    /// Fits observations, transitions and normal durations to the most probable paths of some sequences.
-    /// Stops when the joint log-probability increases by less than `tolerance`, or decreases, which is
-    /// possible because of the floors of variances and durations. Returns the joint log-probability before
-    /// each iteration. A truncated last state counts with its observed duration.
+    /// Fits observations, transitions and normally distributed durations to the most probable paths of the
+    /// sequences. Stops when the joint log-probability increases by less than `tolerance`, or decreases,
+    /// which is possible because of the floors of variances and durations. Returns the joint log-probability
+    /// before each iteration. A last state that the end of a sequence truncates counts with its observed
+    /// duration.
     ///
     /// # Errors
     /// [`HmmError`] if a sequence is invalid or impossible, or a covariance is no longer positive definite.

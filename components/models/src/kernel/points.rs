@@ -1,6 +1,7 @@
 //! Inputs of a kernel, stored by dimension.
 
-/// Points stored one dimension after the other, so that loops over points access contiguous memory.
+/// Points at which a kernel is evaluated. They are stored one dimension after the other, so that loops over
+/// points access contiguous memory.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Points {
     dimensions: usize,
@@ -62,7 +63,7 @@ impl Points {
         }
     }
 
-    /// Returns the points as rows.
+    /// Returns the points row by row, one point per row.
     pub fn to_rows(&self) -> Vec<f64> {
         (0..self.count).flat_map(|i| (0..self.dimensions).map(move |d| self.coordinate(d)[i])).collect()
     }

@@ -24,7 +24,8 @@ pub enum ActionKind {
 /// Mapping of a network's outputs to commands.
 ///
 /// The target of a joint is `default_pose + offset + scale clamp(output, clip)`; the default pose applies to
-/// positions only. A base twist has `twist` instead of joints, and outputs from -1 to 1.
+/// positions only. An action of the kind `base_twist` has the ranges `twist` instead of joints, and its
+/// outputs are from -1 to 1.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Action {
@@ -34,13 +35,13 @@ pub struct Action {
     /// Quantity that the action commands. Default: position.
     #[serde(default)]
     pub kind: ActionKind,
-    /// Factor of the action: one number for all joints, or one per joint. Default: 1.
+    /// Factor of the network's outputs: one number for all joints, or one per joint. Default: 1.
     #[serde(default = "one")]
     pub scale: Numbers,
-    /// Offset added after the factor, in addition to the default pose. Default: 0.
+    /// Offset that is added to the scaled output, in addition to the default pose. Default: 0.
     #[serde(default = "zero")]
     pub offset: Numbers,
-    /// Pose of a zero action \[rad or m\], in the order of `joints`.
+    /// Joint positions that an action of 0 commands \[rad or m\], in the order of `joints`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub default_pose: Vec<f64>,
     /// Minimum and maximum of the network's outputs before the factor. Default: unbounded.
@@ -68,7 +69,7 @@ impl Action {
         if self.twist.is_some() { Some(TwistRanges::BOUNDS) } else { self.clip }
     }
 
-    /// Checks counts and ranges. Keys in errors start with `prefix`.
+    /// Checks counts and ranges. Errors report keys that start with `prefix`.
     ///
     /// # Errors
     ///

@@ -89,12 +89,13 @@ pub struct Policy {
 pub struct Observation {
     /// Quantity that is observed.
     pub term: Term,
-    /// Factor of the term's values: one number for all, or one per value. Default: 1.
+    /// Factor of the term's values: one number for all values, or one number per value. Default: 1.
     #[serde(default = "one")]
     pub scale: Numbers,
     /// Minimum and maximum of the values before the factor. Default: unbounded.
     pub clip: Option<[f64; 2]>,
-    /// Number of steps of history, the newest last, 1 to 64. Default: 1.
+    /// Number of consecutive steps whose values are observed, 1 to 64, from the oldest to the newest.
+    /// Default: 1.
     #[serde(default = "single")]
     pub history: usize,
     /// Number of rays. Only for a height scan.
@@ -108,8 +109,8 @@ pub struct Observation {
     pub camera: Option<String>,
     /// Columns and rows of an image, 1 to 1024 each. Only for images.
     pub pixels: Option<[usize; 2]>,
-    /// Depths that become 0 and 1 \[m\], from 0 up; only for a depth image. A surface outside the range
-    /// counts as one at its end, and a pixel without a depth as 1.
+    /// Depths that are observed as 0 and as 1 \[m\], at least 0; only for a depth image. Depths outside the
+    /// range are clamped to it, and a pixel without a depth is observed as 1.
     pub range: Option<[f64; 2]>,
 }
 
@@ -144,7 +145,7 @@ pub enum Term {
     BaseAngularVelocity,
     /// Direction of gravity in the frame of the base.
     ProjectedGravity,
-    /// Desired velocity: forwards and to the left \[m/s\], yaw rate \[rad/s\].
+    /// Desired motion of the base: forward velocity, velocity to the left \[m/s\] and yaw rate \[rad/s\].
     Command,
     /// Joint positions relative to the default pose \[rad or m\].
     JointPositions,
@@ -193,7 +194,7 @@ impl Term {
     }
 
     /// Returns the name of the message that contains the quantity; `None` for quantities computed by the
-    /// policy. The target of a point is in another message, `motorium.PoseTarget`.
+    /// policy. If the point of a term is the target, its position is in the message `motorium.PoseTarget`.
     pub fn message(self) -> Option<&'static str> {
         Some(match self {
             Self::BaseLinearVelocity => "motorium.BaseState",
@@ -390,8 +391,8 @@ impl Policy {
         }
     }
 
-    /// Returns the number of the network's outputs: the outputs of the action, plus [`Pattern::OUTPUTS`] with
-    /// a pattern generator.
+    /// Returns the number of the network's outputs: the outputs of the action, plus [`Pattern::OUTPUTS`] if
+    /// the policy has a pattern generator.
     pub fn outputs(&self) -> usize {
         self.action.outputs() + self.pattern.as_ref().map_or(0, |_| Pattern::OUTPUTS)
     }

@@ -1,9 +1,9 @@
 //! Import of policies of Isaac Lab 2: an ONNX file with the descriptions of its inputs and outputs.
 //!
 //! `IO_descriptors.yaml` (`--export_io_descriptors` of Isaac Lab 2.2 and 2.3,
-//! `isaaclab/envs/utils/io_descriptors.py`) lists action and observation terms in order. Its stiffness and
-//! damping are 0 for actuators computed by Isaac Lab itself; `params/env.yaml` of the training run contains
-//! them.
+//! `isaaclab/envs/utils/io_descriptors.py`) lists action and observation terms in order. In this file,
+//! stiffness and damping are 0 for actuators that Isaac Lab computes itself. Their values are in
+//! `params/env.yaml` of the training run.
 
 use super::names::Pattern;
 use super::served::{self, Served};
@@ -97,7 +97,7 @@ pub struct ObservationDescriptor {
     pub history: usize,
     /// `true` if the steps are concatenated to one row, `false` if they form an axis.
     pub is_flat: bool,
-    /// `true` if values pass through further functions, which are not supported.
+    /// `true` if modifier functions are applied to the values, which is not supported.
     pub has_modifiers: bool,
 }
 
@@ -116,7 +116,7 @@ pub struct Articulation {
     pub damping: Vec<f64>,
 }
 
-/// Description of the robot and the rate in an `env.yaml`.
+/// Description of the robot and of the policy's rate in an `env.yaml`.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Environment {
     /// Position of `decimation` in the file.
@@ -516,8 +516,8 @@ fn observation(
 }
 
 /// Creates a policy and its network from an ONNX file of Isaac Lab 2 and its descriptors. Joints are matched
-/// by name. If an observation lists joints in another order than the action, the network is rewritten to read
-/// them in the order of the action.
+/// by name. If the order of joints in an observation differs from their order in the action, the network is
+/// rewritten to read joints in the order of the action.
 ///
 /// # Errors
 ///

@@ -22,7 +22,7 @@ struct Piece {
 #[derive(Clone, Debug)]
 enum Atom {
     Any,
-    /// Ranges of characters, and `true` if the others match.
+    /// Ranges of characters, and `true` if the characters outside these ranges match.
     Class(Vec<(char, char)>, bool),
     Group(Pattern),
 }

@@ -1,4 +1,4 @@
-//! Import of weights with a handwritten table.
+//! Import of a policy from a file of weights and a handwritten table that describes the policy.
 
 use serde::Deserialize;
 
