@@ -151,7 +151,7 @@ pub enum ResetError {
         /// Velocity given.
         velocity: Vec<f64>,
     },
-    /// The properties belong to another robot or another world.
+    /// The properties do not match the robots and the world of the simulation.
     #[error(
         "the properties belong to another robot or world; start from the properties returned by `Simulation::properties`"
     )]

@@ -33,11 +33,11 @@ use crate::{Integrator, JointSetpoint};
 /// system of the current modes is solved repeatedly until its solution confirms the modes. The initial guess
 /// is the modes of the last step, which are nearly always correct.
 ///
-/// The drive law is evaluated at the end of the step, which adds damping: a drive with Kp and Kd behaves like
-/// one with Kd + h Kp. A drive without damping therefore comes to rest.
+/// The drive law is evaluated at the end of the step, which adds damping: a drive with the gains Kp and Kd
+/// behaves like a drive with the damping gain Kd + h Kp. A drive without damping therefore comes to rest.
 ///
-/// [`Integrator::Midpoint`] is of second order. It evaluates the inertia and the bias at the midpoint of the
-/// step. The bias uses the mean of the velocities before and after the step:
+/// [`Integrator::Midpoint`] is of second order. This method evaluates the inertia and the bias at the
+/// midpoint of the step. The bias uses the mean of the velocities before and after the step:
 ///
 /// ```text
 /// q_m = q + h/2 v

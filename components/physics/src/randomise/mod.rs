@@ -1,4 +1,4 @@
-//! Physical properties sampled from ranges: for the episodes of a graph and for the worlds of a batch.
+//! Sampling of physical properties from ranges, for the episodes of a graph and the worlds of a batch.
 
 mod config;
 mod quantity;
@@ -62,7 +62,7 @@ impl Draws {
     ///
     /// # Errors
     ///
-    /// [`RangeError`] for the first range that is out of bounds, or that applies to nothing in the
+    /// [`RangeError`] for the first range that is out of bounds, or that does not apply to any part of the
     /// simulation.
     pub fn new(
         config: &RandomiseConfig,

@@ -83,7 +83,7 @@ pub struct Quantity {
     pub property: Property,
     /// Index of the body, joint or object in its robot or world; 0 for a property of a whole robot or world.
     pub part: usize,
-    /// Keys in the `randomise` table, followed by the name of the part, such as `mass`, `link`.
+    /// Keys in the `randomise` table and the name of the part, such as `mass` followed by the name of a link.
     pub path: Vec<String>,
     /// Range from which the value is sampled.
     pub interval: Interval,
@@ -92,7 +92,8 @@ pub struct Quantity {
 }
 
 impl Quantity {
-    /// Returns `true` if the property may change within an episode. Starts, objects and terrain do not.
+    /// Returns `true` if the property may change within an episode. Properties of starts, objects and terrain
+    /// do not change.
     pub fn varies_in_time(&self) -> bool {
         let once = Property::Start..=Property::ObjectYaw;
         !once.contains(&self.property)

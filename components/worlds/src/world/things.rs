@@ -31,15 +31,15 @@ pub struct Ground {
     /// above 0, otherwise the product.
     pub friction_combine: Option<FrictionCombine>,
     /// Coefficient of torsional friction (m): maximum torque about the contact normal per normal force. A
-    /// contact uses the mean of both surfaces. Default 0.
+    /// contact uses the mean value of both surfaces. Default 0.
     #[schemars(range(min = 0.0))]
     pub torsional_friction: f64,
     /// Coefficient of rolling friction (m): maximum torque against rolling per normal force. A contact uses
-    /// the mean of both surfaces. Default 0.
+    /// the mean value of both surfaces. Default 0.
     #[schemars(range(min = 0.0))]
     pub rolling_friction: f64,
-    /// Fraction of the approach speed kept after an impact, from 0 to 1. A contact uses the mean of both
-    /// surfaces. Default 0.
+    /// Fraction of the approach speed kept after an impact, from 0 to 1. A contact uses the mean value of
+    /// both surfaces. Default 0.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub restitution: f64,
     /// Tangential motion of the surface, as on a treadmill. Default: at rest.
@@ -130,17 +130,17 @@ pub struct Object {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub friction_combine: Option<FrictionCombine>,
     /// Coefficient of torsional friction (m): maximum torque about the contact normal per normal force. A
-    /// contact uses the mean of both surfaces. Default 0.
+    /// contact uses the mean value of both surfaces. Default 0.
     #[serde(default)]
     #[schemars(range(min = 0.0))]
     pub torsional_friction: f64,
     /// Coefficient of rolling friction (m): maximum torque against rolling per normal force. A contact uses
-    /// the mean of both surfaces. Default 0.
+    /// the mean value of both surfaces. Default 0.
     #[serde(default)]
     #[schemars(range(min = 0.0))]
     pub rolling_friction: f64,
-    /// Fraction of the approach speed kept after an impact, from 0 to 1. A contact uses the mean of both
-    /// surfaces. Default 0.
+    /// Fraction of the approach speed kept after an impact, from 0 to 1. A contact uses the mean value of
+    /// both surfaces. Default 0.
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 1.0))]
     pub restitution: f64,
