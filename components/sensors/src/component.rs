@@ -31,10 +31,10 @@ pub use robot::Mount;
 
 /// A component that publishes the readings of the joint sensors of a robot.
 ///
-/// Each joint state is sampled once, at the first tick that sees it. The reading is published once, at the
-/// first tick after its latency, with the source time of the sampled state. When joint states stop arriving,
-/// readings stop as well. Differentiated velocities use the run time of the states, which is free of
-/// publication jitter.
+/// Each joint state is sampled once, at the first step that reads the state. The reading is published once,
+/// at the first step after its latency, with the source time of the sampled state. When joint states stop
+/// arriving, the component stops publishing readings. Differentiated velocities use the run time of the
+/// states, which is free of publication jitter.
 #[derive(Debug)]
 pub struct JointEncoder {
     state: Input<JointState>,

@@ -5,8 +5,8 @@ use crate::channel::{Channel, ErrorModel, SettingError};
 /// Contact sensors of a robot's feet: each measures a force with errors, from which a switch with hysteresis
 /// derives contact.
 ///
-/// Contact starts with the reading at which the force reaches `on` and ends with the reading at which it
-/// falls below `off`.
+/// Contact starts with the reading at which the force reaches `on` and ends with the reading at which the
+/// force falls below `off`.
 ///
 /// ```
 /// use motorium_sensors::channel::ErrorModel;

@@ -102,8 +102,8 @@ pub fn direction(azimuth: f64, elevation: f64) -> Unit<Vector3<f64>> {
 }
 
 /// Returns the azimuths \[rad\] of `count` rays, from right to left. They cover a field of view \[rad\]
-/// centred on x with a ray at each end. For a full circle they start opposite to x, and no direction occurs
-/// twice.
+/// centred on x with a ray at each end. For a full circle, the azimuths start opposite to x, and no direction
+/// occurs twice.
 ///
 /// ```
 /// use motorium_sensors::ranging::azimuths;

@@ -178,7 +178,7 @@ impl Renderer {
 ///
 /// A channel with level `l` (0 to 255) is read as `round(l + sqrt(l 255 / full_well + read_noise^2) n)` with
 /// independent standard normal `n`. The first term under the root is shot noise: the standard deviation of
-/// the number of electrons is its square root. The second term is amplifier noise.
+/// the number of electrons is the square root of this number. The second term is amplifier noise.
 ///
 /// ```toml
 /// full_well  = 10000.0

@@ -49,7 +49,8 @@ pub trait PlaceSensor: Sized + 'static {
 #[derive(Clone, Copy, Debug)]
 pub struct PlaceMotion(Motion);
 
-/// The component of a [`PlaceSensor`]. It samples the true motion at its own rate or on its trigger.
+/// The component of a [`PlaceSensor`]. The component samples the true motion at its own rate or on its
+/// trigger.
 pub struct AtPlace<S: PlaceSensor> {
     motion: TrueMotion,
     output: Output<S::Message>,

@@ -72,8 +72,8 @@ pub trait RangeSensor: Sized + 'static {
     fn publish(&self, values: &[f64], source: u64, outputs: &mut Self::Outputs) -> Result<(), StepError>;
 }
 
-/// The component of a [`RangeSensor`]. It samples the true state of robot and world at its own rate or on its
-/// trigger.
+/// The component of a [`RangeSensor`]. The component samples the true state of robot and world at its own
+/// rate or on its trigger.
 pub struct AlongRays<S: RangeSensor> {
     view: View,
     outputs: S::Outputs,

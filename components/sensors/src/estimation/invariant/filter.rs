@@ -24,7 +24,8 @@ pub struct ContactKinematics {
     pub covariance: Matrix3<f64>,
 }
 
-/// State of the filter without the feet: pose, velocity and biases of the inertial measurement unit.
+/// State of the filter without the positions of the feet: pose, velocity and biases of the inertial
+/// measurement unit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FilterState {
     /// Orientation of the sensor in the world.
@@ -55,8 +56,8 @@ impl Default for FilterState {
 /// an inertial measurement unit, joint encoders and the contacts of its feet.
 ///
 /// The state `X = (R, v, p, d_1 .. d_K)` in `SE_(K+2)(3)` holds orientation, velocity and position of the
-/// sensor in the world and the positions of the feet on the ground. It is augmented by the biases of both
-/// sensors. Between readings `omega`, `f`
+/// sensor in the world and the positions of the feet on the ground. The state also contains the biases of
+/// gyroscope and accelerometer. Between readings `omega`, `f`
 ///
 /// ```text
 /// dR/dt = R (omega - b_g - w_g)^      dv/dt = R (f - b_a - w_a) + g      dp/dt = v      dd/dt = R w_d
@@ -222,7 +223,8 @@ impl InvariantFilter {
     /// foot.
     ///
     /// # Errors
-    /// [`SingularInnovation`]; the filter is then unchanged.
+    /// [`SingularInnovation`] if the covariance of the innovation is not positive definite. The filter is
+    /// then unchanged.
     ///
     /// # Panics
     /// If `foot` is not the index of a foot.
@@ -294,7 +296,7 @@ impl InvariantFilter {
     }
 
     /// Moves the contact of a foot on the ground by a displacement in sensor axes \[m\], for round feet that
-    /// roll. No effect in the air.
+    /// roll. No effect on a foot in the air.
     pub fn roll(&mut self, foot: usize, distance: &Vector3<f64>) {
         if let Some(place) = &mut self.feet[foot] {
             *place += self.state.rotation * distance;
@@ -313,7 +315,8 @@ impl InvariantFilter {
         &self.state
     }
 
-    /// Returns the estimated position in the world \[m\] of a foot on the ground; `None` in the air.
+    /// Returns the estimated position in the world \[m\] of a foot on the ground; `None` for a foot in the
+    /// air.
     pub fn foot(&self, foot: usize) -> Option<Vector3<f64>> {
         self.feet[foot]
     }
