@@ -120,7 +120,7 @@ fn grid(terms: &Terms, bins: usize) -> Result<Choices, TaskError> {
         Some(grid) => Ok(grid.map(|stored, action| bounds.command(stored, action))),
         None => {
             let (most, joints) = (Choices::MOST, bounds.moving());
-            let expected = format!("at most {most} choices of {joints} joints together");
+            let expected = format!("at most {most} combinations of the values of {joints} joints");
             Err(Check(Algorithm::Dqn).error("bins", bins as f64, &expected))
         }
     }

@@ -153,7 +153,8 @@ pub enum ResetError {
     },
     /// The properties do not match the robots and the world of the simulation.
     #[error(
-        "the properties belong to another robot or world; start from the properties returned by `Simulation::properties`"
+        "the properties belong to a different robot or world; start from the properties returned by \
+         `Simulation::properties`"
     )]
     Properties,
     /// The world is invalid.

@@ -69,7 +69,8 @@ impl core::fmt::Debug for SavedState {
 /// The saved state is from a different engine, robot or world.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "the saved state belongs to another engine, robot or world; restore it into the simulator that saved it, or one built in the same way"
+    "the saved state is from a different engine, robot or world; restore it into the simulator that saved \
+     it, or into a simulator built in the same way"
 )]
 pub struct ForeignState;
 

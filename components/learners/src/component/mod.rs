@@ -187,7 +187,8 @@ impl Component for LearnerTask {
         if let Some(period) = declare.period() {
             let found = period.as_secs_f64().recip();
             if (found / task.rate() - 1.0).abs() > 1e-3 {
-                let message = format!("the component runs at {found} Hz, the task at {} Hz", task.rate());
+                let message =
+                    format!("the component runs at {found} Hz, but the task runs at {} Hz", task.rate());
                 return Err(ConfigError::key("task", message)
                     .advise(format!("write `rate = \"{} Hz\"` for the component", task.rate())));
             }

@@ -115,7 +115,7 @@ impl Stage {
             .reset(&position, &velocity)
             .map_err(|error| TaskError::value("start", error, "a state of the robot"))?;
         if let Some(every) = task.randomise.every {
-            let expected = "none: properties are sampled at the start of an episode";
+            let expected = "no value, because properties are sampled only at the start of an episode";
             return Err(TaskError::value("randomise.every", every, expected));
         }
         let draws = (task.randomise != RandomiseConfig::default())

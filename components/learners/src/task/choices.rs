@@ -79,7 +79,7 @@ impl Choices {
                 return wrong("finite numbers within the bounds of the action".to_owned());
             }
             if numbers[..index].contains(row) {
-                return wrong("a row unlike the others".to_owned());
+                return wrong("a row that differs from all other rows".to_owned());
             }
         }
         Ok(Self { rows: numbers.into_iter().flatten().map(|number| number as f32).collect(), width })

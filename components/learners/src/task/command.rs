@@ -67,7 +67,7 @@ impl CommandRanges {
         }
         let has_velocities = [self.forward, self.left, self.turn] != [[0.0; 2]; 3] || self.standing != 0.0;
         if self.target.is_some() && has_velocities {
-            let expected = "either a target or velocities with `standing`";
+            let expected = "either `target`, or velocities and `standing`";
             return Err(TaskError::value("command", "both", expected));
         }
         if !(self.interval > 0.0 && self.interval.is_finite()) {

@@ -91,7 +91,7 @@ impl Mirror {
             let found = (0..choices.count()).find(|other| choices.row(*other) == image);
             found.ok_or_else(|| {
                 let row = choices.row(choice);
-                let expected = format!("a choice whose mirror image {image:?} is a choice, too");
+                let expected = format!("a choice whose mirror image {image:?} is also a choice");
                 TaskError::value(format!("action.choices[{choice}]"), format!("{row:?}"), expected)
             })
         });
@@ -130,7 +130,11 @@ fn joints(policy: &Policy, symmetry: &Symmetry) -> Result<Vec<(usize, f32)>, Tas
         let (left, right) = (index("pairs", left)?, index("pairs", right)?);
         if left == right || joints[left].0 != left || joints[right].0 != right {
             let found = format!("\"{}\" and \"{}\"", action.joints[left], action.joints[right]);
-            return Err(TaskError::value("symmetry.pairs", found, "each joint in one pair of two"));
+            return Err(TaskError::value(
+                "symmetry.pairs",
+                found,
+                "two different joints that are in no other pair",
+            ));
         }
         (joints[left].0, joints[right].0) = (right, left);
     }
@@ -146,7 +150,8 @@ fn joints(policy: &Policy, symmetry: &Symmetry) -> Result<Vec<(usize, f32)>, Tas
             && (*sign > 0.0 || is_bounded_equally);
         if !is_fitting {
             let found = format!("\"{}\" and \"{}\"", action.joints[joint], action.joints[*other]);
-            let expected = "mirrored poses, equal factors and bounds, both reversed or neither";
+            let expected =
+                "mirrored poses, equal factors and bounds, and both joints or neither in `reversed`";
             return Err(TaskError::value("symmetry", found, expected));
         }
     }
@@ -156,7 +161,7 @@ fn joints(policy: &Policy, symmetry: &Symmetry) -> Result<Vec<(usize, f32)>, Tas
 /// The number and the sign from which each number of a base twist is mirrored.
 fn twist(ranges: &TwistRanges, symmetry: &Symmetry) -> Result<Vec<(usize, f32)>, TaskError> {
     if let Some(name) = symmetry.pairs.iter().flatten().chain(&symmetry.reversed).next() {
-        let expected = "no joints: the action is a base twist";
+        let expected = "no joints, because the action is a base twist";
         return Err(TaskError::value("symmetry", format!("\"{name}\""), expected));
     }
     let mut numbers = Vec::new();

@@ -261,7 +261,7 @@ impl Task {
             return Err(TaskError::value("delay", format!("{:?}", task.delay), expected));
         }
         if task.within_limits && (task.pattern.is_some() || policy.action.kind != ActionKind::Position) {
-            let expected = "false: it is for joints whose positions the action commands";
+            let expected = "false, unless the action commands joint positions";
             return Err(TaskError::value("within_limits", true, expected));
         }
         task.reward_range()?;
@@ -340,7 +340,11 @@ impl Task {
 /// Checks the settings of the wheels of a task.
 fn check_wheels(wheels: &WheelsConfig, kind: ActionKind) -> Result<(), TaskError> {
     if kind != ActionKind::BaseTwist {
-        return Err(TaskError::value("wheels", "settings", "none: the action is not a base twist"));
+        return Err(TaskError::value(
+            "wheels",
+            "settings",
+            "no value, because the action is not a base twist",
+        ));
     }
     wheels.check().map_err(|error| TaskError::Setting {
         key: error.key.map_or_else(|| "wheels".to_owned(), |key| format!("wheels.{key}")),
@@ -348,10 +352,14 @@ fn check_wheels(wheels: &WheelsConfig, kind: ActionKind) -> Result<(), TaskError
     })?;
     let default = WheelsConfig::default();
     for (key, is_default, expected) in [
-        ("start", wheels.start == default.start, "none: a task has no odometry"),
-        ("slip", wheels.slip == default.slip, "none: a task has no odometry"),
-        ("gravity", wheels.gravity == default.gravity, "none: it is in `[world]`"),
-        ("state_timeout", wheels.state_timeout == default.state_timeout, "none: states have no age"),
+        ("start", wheels.start == default.start, "no value, because a task has no odometry"),
+        ("slip", wheels.slip == default.slip, "no value, because a task has no odometry"),
+        ("gravity", wheels.gravity == default.gravity, "no value; set it in `[world]`"),
+        (
+            "state_timeout",
+            wheels.state_timeout == default.state_timeout,
+            "no value, because the states of a task have no age",
+        ),
     ] {
         if !is_default {
             return Err(TaskError::value(format!("wheels.{key}"), "a value", expected));

@@ -188,7 +188,7 @@ impl Subject<'_> {
             None | Some([_]) => Ok(()),
             Some([first, second]) if first != second => Ok(()),
             Some(found) => {
-                let expected = "one point, or two different ones";
+                let expected = "one point, or two different points";
                 Err(TaskError::value(format!("{key}.points"), found.join(", "), expected))
             }
         }
@@ -289,7 +289,11 @@ impl Reward {
         for (number, factor) in self.times.iter().enumerate() {
             let key = format!("{key}.times[{number}]");
             if !factor.times.is_empty() {
-                return Err(TaskError::value(format!("{key}.times"), "terms", "all factors in one list"));
+                return Err(TaskError::value(
+                    format!("{key}.times"),
+                    "terms",
+                    "all factors in the list of the first term",
+                ));
             }
             let [least, most] = factor.own_range(&key, clip)?;
             let products = [low * least, low * most, high * least, high * most];
@@ -322,7 +326,11 @@ impl Reward {
                 return Err(TaskError::value(format!("{key}.width"), found, "a width above 0"));
             }
             (_, Some(width)) => {
-                return Err(TaskError::value(format!("{key}.width"), width, "a width for kernels only"));
+                return Err(TaskError::value(
+                    format!("{key}.width"),
+                    width,
+                    "no width, except for the shape `kernel`",
+                ));
             }
             _ => {}
         }
@@ -375,10 +383,14 @@ impl Termination {
         for (number, other) in self.and.iter().enumerate() {
             let key = format!("{key}.and[{number}]");
             if !other.and.is_empty() {
-                return Err(TaskError::value(format!("{key}.and"), "conditions", "all of them in one list"));
+                return Err(TaskError::value(
+                    format!("{key}.and"),
+                    "conditions",
+                    "all conditions in the list of the first condition",
+                ));
             }
             if other.verdict != Verdict::default() {
-                let expected = "none: the first condition has the verdict";
+                let expected = "no value; set the verdict of the first condition";
                 return Err(TaskError::value(format!("{key}.verdict"), "success", expected));
             }
             other.check(&key)?;

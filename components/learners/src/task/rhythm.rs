@@ -34,7 +34,7 @@ impl Rhythm {
         let Some(Ok(phases)) = phases else {
             let names: Vec<&str> = gaits.iter().map(|gait| gait.name()).collect();
             let expected = if names.is_empty() {
-                format!("two, four or six legs, not {legs}")
+                format!("a pattern with two, four or six legs instead of {legs}")
             } else {
                 format!("a gait of {legs} legs: {}", names.join(", "))
             };

@@ -43,7 +43,7 @@ pub enum RunError {
     /// The run cannot be continued, because it has no checkpoint.
     #[error(
         "{} has no {CHECKPOINT}: a run of imitation learning cannot be continued\n\
-         help: train again into another folder",
+         help: start a new run in another folder",
         folder.display()
     )]
     NoCheckpoint {

@@ -210,8 +210,8 @@ impl LatentModel {
         let warning = (share > NOISY || left_out > UNPREDICTABLE).then(|| {
             let (share, left_out) = (100.0 * share, 100.0 * left_out);
             format!(
-                "the latent hardly predicts {name}: {share:.0} % of the variance is noise, and the error of poses \
-                 that are left out is {left_out:.0} % of the variance"
+                "the latent points hardly predict the poses of {name}: {share:.0} % of the variance is \
+                 noise, and the leave-one-out error is {left_out:.0} % of the variance"
             )
         });
         Ok(Transferred { starts, minimum, left_out, warning })

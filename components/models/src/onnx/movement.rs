@@ -69,7 +69,9 @@ impl Compiler {
             let other = node.input(index)?.shape();
             let differs = |k: usize| k != axis && other[k] != first[k];
             if other.len() != first.len() || (0..first.len()).any(differs) {
-                return Err(node.error(format!("shapes {first:?} and {other:?} differ off axis {axis}")));
+                return Err(
+                    node.error(format!("shapes {first:?} and {other:?} differ in axes other than {axis}"))
+                );
             }
             shape[axis] += other[axis];
         }

@@ -102,7 +102,7 @@ impl Action {
             (ActionKind::BaseTwist, None) => {
                 return wrong("twist", "missing, expected the ranges of a base twist".to_owned());
             }
-            (_, Some(_)) => return wrong("twist", "expected for `kind = \"base_twist\"` only".to_owned()),
+            (_, Some(_)) => return wrong("twist", "expected only for `kind = \"base_twist\"`".to_owned()),
             (_, None) => {}
         }
         if count == 0 {

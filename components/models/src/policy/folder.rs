@@ -79,7 +79,8 @@ pub enum NetworkMismatch {
     },
     /// The recurrent inputs do not match the recurrent outputs.
     #[error(
-        "the recurrent input \"{input}\" has no matching output; help: give the outputs after the action the order and the shapes of the inputs after the observation"
+        "the recurrent input \"{input}\" has no matching output; help: after the action, export one output \
+         for each recurrent input, in the same order and with the same shapes"
     )]
     State {
         /// Name of the recurrent input.

@@ -272,7 +272,7 @@ impl Policy {
                 Some(1..) if is_scan => {}
                 None if !is_scan => {}
                 Some(_) if !is_scan => {
-                    return wrong(&key("rays"), "expected for a height scan only".to_owned());
+                    return wrong(&key("rays"), "expected only for a height scan".to_owned());
                 }
                 _ => {
                     return wrong(
@@ -285,7 +285,7 @@ impl Policy {
                 (Some(period), Term::Phase) if period > 0.0 && period.is_finite() => {}
                 (None, term) if term != Term::Phase => {}
                 (Some(_), term) if term != Term::Phase => {
-                    return wrong(&key("period"), "expected for the phase only".to_owned());
+                    return wrong(&key("period"), "expected only for the phase".to_owned());
                 }
                 (Some(period), _) => {
                     return wrong(&key("period"), format!("found {period}, expected a time above 0 s"));
@@ -308,7 +308,7 @@ impl Policy {
                 Some([_]) if is_point => {}
                 Some([first, second]) if is_point && first != second => {}
                 Some(_) if !is_point => {
-                    return wrong(&key("points"), "expected for points only".to_owned());
+                    return wrong(&key("points"), "expected only for points".to_owned());
                 }
                 found => {
                     let found = found.map_or_else(|| "none".to_owned(), |points| format!("{points:?}"));

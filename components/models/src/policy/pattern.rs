@@ -60,7 +60,7 @@ impl Pattern {
         let wrong =
             |key: &str, message: String| Err(PolicyError::Value { key: format!("pattern.{key}"), message });
         if action.clip.is_none() {
-            let (key, message) = ("action.clip".to_owned(), "missing, expected for a pattern".to_owned());
+            let (key, message) = ("action.clip".to_owned(), "missing, but required for a pattern".to_owned());
             return Err(PolicyError::Value { key, message });
         }
         if action.kind != ActionKind::Position {

@@ -197,7 +197,7 @@ fn of_objects(config: &RandomiseConfig, nominal: &Properties, list: &mut List) -
             let message = format!("the world has no object `{name}`");
             let advice = match names.as_slice() {
                 [] => "add `objects` to the world, which has none".to_owned(),
-                names => format!("use one of its objects: {}", names.join(", ")),
+                names => format!("use an object of the world: {}", names.join(", ")),
             };
             return Err(RangeError::new(key, message).advise(advice));
         };
@@ -260,7 +260,7 @@ fn of_robot(
             let written = config.key_of_robot(name, key);
             interval.check(&written, allowed)?;
             if parts.is_empty() {
-                let message = format!("robot `{}` has nothing with this property", model.name());
+                let message = format!("robot `{}` has no part with this property", model.name());
                 return Err(RangeError::new(written, message).advise("remove the range"));
             }
             if property > Property::ActuatorStrength {

@@ -103,7 +103,7 @@ pub enum LogError {
 
 fn choice(field: &str, found: &[String], known: &str) -> String {
     match found {
-        [] => format!("no channel has numbers `{field}`; its channels are {known}"),
+        [] => format!("no channel has numbers `{field}`; the channels of the file are {known}"),
         found => format!(
             "{} channels have numbers `{field}` ({}), expected one; choose by `--topic` or the key `topic`",
             found.len(),

@@ -37,7 +37,7 @@ impl Damage {
             faults.push(format!("is damaged: its attachment `{name}` changed after writing"));
         }
         if self.has_other {
-            faults.push("is damaged: bytes outside of its chunks changed after writing".to_string());
+            faults.push("is damaged: bytes outside its chunks changed after writing".to_string());
         }
         if is_whole && self.skipped > 0 {
             faults.push(format!("is damaged: {} bytes cannot be read", self.skipped));
@@ -63,7 +63,7 @@ fn damaged(chunks: &[(u64, u64)], begin: u64) -> Option<String> {
     let count = chunks.len();
     let noun = if count == 1 { "chunk" } else { "chunks" };
     Some(format!(
-        "is damaged: {count} {noun} of it, between {:.3} s and {:.3} s, changed after writing",
+        "is damaged: {count} {noun}, between {:.3} s and {:.3} s, changed after writing",
         since(from),
         since(to)
     ))

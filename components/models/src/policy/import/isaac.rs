@@ -328,8 +328,8 @@ fn action(descriptors: &Descriptors, environment: Option<&Environment>) -> Resul
         let clip = clip(term)?;
         let (first_kind, first_clip) = *common.get_or_insert((kind, clip));
         if (kind, clip) != (first_kind, first_clip) {
-            let message =
-                "another kind or other bounds than the terms before, expected the same for all joints";
+            let message = "the kind or the bounds differ from the previous terms, expected the same kind and \
+                 bounds for all joints";
             return Err(term.mark.entry(class, message));
         }
         let count = term.joints.len();
@@ -452,7 +452,7 @@ fn observation(
         return Err(ImportError::Observation { mark: term.mark, name: name.to_owned(), expected });
     };
     if term.has_modifiers {
-        return wrong("modifiers", "found functions of the values, expected none".to_owned());
+        return wrong("modifiers", "found modifier functions, which are not supported".to_owned());
     }
     if term.history > 1 && !term.is_flat {
         return wrong("flatten_history_dim", "found false, expected the history in a row".to_owned());
@@ -555,7 +555,8 @@ pub fn import_isaac(
     let served = terms.iter().map(|term| {
         let served = observation(term, &action, environment)?;
         if action.clip.is_some() && served.observation.term == Term::LastAction {
-            let message = "the action has bounds and its terms observe it without them, expected no bounds";
+            let message =
+                "the action has bounds, but its terms observe the action without bounds, expected no bounds";
             return Err(term.mark.entry("last_action", message));
         }
         Ok(served)

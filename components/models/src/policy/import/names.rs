@@ -39,7 +39,7 @@ impl Pattern {
         let pattern = choices(&mut rest, 0)?;
         match rest.pop() {
             None => Ok(pattern),
-            Some(found) => Err(format!("found `{found}` without its opening")),
+            Some(found) => Err(format!("found `{found}` without an opening bracket")),
         }
     }
 

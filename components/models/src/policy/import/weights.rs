@@ -59,7 +59,7 @@ pub fn import_weights(file: &Tensors, table: &str) -> Result<(Policy, Vec<u8>), 
     let weights = table.remove("weights").ok_or_else(missing)?;
     let Weights { layers: names, activation, normaliser } = weights.try_into().map_err(wrong)?;
     if table.insert("network".to_owned(), NETWORK.into()).is_some() {
-        return Err(unusable("network", "expected to be missing: the import writes it"));
+        return Err(unusable("network", "expected no value, because the import writes it"));
     }
     let policy: Policy = table.try_into().map_err(wrong)?;
     policy.check()?;
