@@ -30,8 +30,8 @@ use crate::td3::{Deterministic, Td3Settings};
 /// of 256, polyak 0.005, discount 0.99, Gaussian noise of 0.1 instead of the paper's correlated noise).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DdpgSettings {
-    /// Settings of steps, replay and networks. Some defaults differ from the source, in the same way as in
-    /// [`SacSettings`](crate::sac::SacSettings).
+    /// Settings of steps, replay and networks. The defaults are the defaults of
+    /// [`SacSettings`](crate::sac::SacSettings), some of which differ from the source.
     #[serde(flatten)]
     pub replay: ReplaySettings,
     /// Standard deviation of the exploration noise, at least 0. Default 0.1.

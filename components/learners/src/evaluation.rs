@@ -35,7 +35,7 @@ pub struct Evaluation {
     pub failures: usize,
     /// Number of successful episodes: a termination with the verdict `success` ended them.
     pub successes: usize,
-    /// Return of each episode, in order.
+    /// Return of each episode, in the order of the episodes.
     pub returns: Vec<f64>,
     /// Warnings about ignored elements of the world's file.
     #[serde(skip)]
@@ -128,9 +128,9 @@ pub struct Comparison {
     pub improved: f64,
 }
 
-/// Compares the returns of a policy (`other`) with the returns of a baseline, episode by episode. Both must
-/// have been evaluated on the same task with the same seed. Returns `None` if the numbers of episodes differ
-/// or are 0.
+/// Compares the returns of a policy (`other`) with the returns of a baseline, episode by episode. Policy and
+/// baseline must have been evaluated on the same task with the same seed. Returns `None` if the numbers of
+/// episodes differ or are 0.
 pub fn compare(baseline: &Evaluation, other: &Evaluation, seed: u64) -> Option<Comparison> {
     if baseline.returns.len() != other.returns.len() || baseline.returns.is_empty() {
         return None;

@@ -41,8 +41,8 @@ use crate::task::{Task, TaskError, Terms};
 /// levels and delay of the paper).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Td3Settings {
-    /// Settings of steps, replay and networks. Some defaults differ from the source, in the same way as in
-    /// [`SacSettings`](crate::sac::SacSettings).
+    /// Settings of steps, replay and networks. The defaults are the defaults of
+    /// [`SacSettings`](crate::sac::SacSettings), some of which differ from the source.
     #[serde(flatten)]
     pub replay: ReplaySettings,
     /// Standard deviation of the exploration noise, at least 0. Default 0.1.

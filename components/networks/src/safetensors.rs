@@ -11,7 +11,7 @@ use crate::arithmetic::Real;
 pub struct Tensor<T = f32> {
     /// Length of each axis.
     pub shape: Vec<usize>,
-    /// Values, the last axis varying fastest.
+    /// Values of the tensor. The last axis varies fastest.
     pub values: Vec<T>,
 }
 
@@ -64,7 +64,7 @@ pub enum SafetensorsError {
         /// Number of bytes required by the tensor's shape.
         expected: usize,
     },
-    /// A tensor to be written has the wrong number of values.
+    /// The number of values of a tensor does not match its shape, so the tensor cannot be written.
     #[error("tensor \"{name}\" has {found} numbers, expected {expected} for its shape")]
     Shape {
         /// Name of the tensor.

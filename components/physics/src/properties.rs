@@ -31,7 +31,7 @@ use crate::{Engine, ResetError, Simulation, Surface};
 /// ```
 #[derive(Clone, Debug)]
 pub struct Properties {
-    /// Model of the robot. Its inertias, joint dynamics and effort limits may change; links, joints and
+    /// Model of the robot. The inertias, joint dynamics and effort limits may change; links, joints and
     /// shapes must match the simulation.
     pub model: Model,
     /// Models of all [articulations](crate::Articulation) after the first.

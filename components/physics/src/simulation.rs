@@ -43,7 +43,7 @@ pub trait Engine: Sized {
     /// Returns the surfaces of all colliders.
     fn surfaces(&self) -> Vec<Surface>;
 
-    /// Applies the surfaces, one per collider, the inertias and joints of `robot`, and the masses of `world`.
+    /// Applies the surfaces of all colliders, the inertias and joints of `robot`, and the masses of `world`.
     /// The caller calls [`reset`](Self::reset) next.
     ///
     /// # Errors
@@ -56,7 +56,7 @@ pub trait Engine: Sized {
         surfaces: &[Surface],
     ) -> Result<(), ResetError>;
 
-    /// Returns the actuator settings of each articulation, one per joint; empty if all actuators are ideal.
+    /// Returns, for each articulation, the actuator settings of each joint; empty if all actuators are ideal.
     fn actuators(&self) -> Vec<Vec<Option<ActuatorSettings>>> {
         Vec::new()
     }
@@ -84,7 +84,8 @@ pub trait Engine: Sized {
     /// force moves the articulation. `robot` is already in the placed state.
     fn begin_placement(&mut self, robot: &Robot, articulation: usize);
 
-    /// Ends the placement of an articulation. Its drives move it again, from the robot's current state.
+    /// Ends the placement of an articulation. From the robot's current state on, the drives move the
+    /// articulation again.
     fn end_placement(&mut self, robot: &Robot, articulation: usize);
 
     /// Starts from the robot's current state, with the objects at rest at their poses in the world.

@@ -160,7 +160,7 @@ pub trait Simulator {
     /// last substep.
     fn efforts(&self) -> &[f64];
 
-    /// Returns the commands for modification, one per drive. Commands persist until changed.
+    /// Returns the commands of all drives for modification. Commands persist until changed.
     fn commands_mut(&mut self) -> &mut [JointSetpoint];
 
     /// Advances robots and objects by `dt` \[s\].

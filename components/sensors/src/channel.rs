@@ -181,7 +181,7 @@ impl Channel {
         Ok(Self { noise: Noise::new(seed, noise), walk: Noise::new(seed, walk), bias, scale, errors })
     }
 
-    /// Replaces the true values, one per axis, by a reading. `dt` \[s\] is the time since the last reading.
+    /// Replaces the true value of each axis by a reading. `dt` \[s\] is the time since the last reading.
     ///
     /// # Panics
     /// If the number of values differs from the number of axes.

@@ -5,7 +5,7 @@ use motorium_worlds::World;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-/// Configuration of `learner.task`.
+/// Configuration of the component `learner.task`.
 ///
 /// ```toml
 /// task = "balance.toml"

@@ -40,10 +40,11 @@ const CAPACITY: usize = 16;
 /// the episode when the task ends.
 ///
 /// The component evaluates the same terms as training, so a graph and a training environment yield the same
-/// values. It runs at the rate of the policy. The reward of a step depends on the state at the next step and
-/// on the action published in between. The first observation of an episode is the last observation before the
-/// first action of the policy. With `ends_episode = true` the component ends the episode when the task ends;
-/// otherwise it publishes nothing between the end of the task and the start of the next episode.
+/// values. The component runs at the rate of the policy. The reward of a step depends on the state at the
+/// next step and on the action published in between. The first observation of an episode is the last
+/// observation before the first action of the policy. With `ends_episode = true` the component ends the
+/// episode when the task ends; otherwise it publishes nothing between the end of the task and the start of
+/// the next episode.
 pub struct LearnerTask {
     terms: Terms,
     trial: Trial,
@@ -431,7 +432,7 @@ impl Inputs {
     }
 }
 
-/// Returns the component kinds of this crate, to be registered by a host program.
+/// Returns the component kinds of this crate, which a host program registers.
 ///
 /// ```
 /// let names: Vec<_> = motorium_learners::kinds().iter().map(|kind| kind.name).collect();

@@ -115,7 +115,7 @@ impl<E: Engine + Send> VectorEnvironment<E> {
         self.steps[world].end.map(|_| &self.last[world * inputs..][..inputs])
     }
 
-    /// Returns the results of the last step, one per world.
+    /// Returns the result of the last step for each world.
     pub fn steps(&self) -> &[Step] {
         &self.steps
     }

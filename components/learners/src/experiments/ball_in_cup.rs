@@ -1,5 +1,5 @@
-//! Study of the ball-in-cup task: PoWER learns to catch a ball on a string in a cup. It searches weights of a
-//! motion library or of radial kernels.
+//! Study of the ball-in-cup task: PoWER learns to catch a ball on a string in a cup. The weights of a motion
+//! library or of radial kernels are searched.
 //!
 //! A demonstrator attempts the catch. Each attempt sways the cup once and jerks it up, with different
 //! distances and timing; few attempts succeed. A movement of the cup is the response of a spring to forces,
@@ -192,7 +192,8 @@ impl Study {
         self.trials.iter().filter(move |trial| (trial.weights, trial.count) == (weights, count))
     }
 
-    /// Returns the final evaluations of the trials with a kind and number of weights, one per seed.
+    /// Returns the final evaluation of each trial with this kind and number of weights. There is one trial
+    /// per seed.
     pub fn ends(&self, weights: Weights, count: usize) -> Vec<Point> {
         self.trials(weights, count).filter_map(|trial| trial.curve.last().copied()).collect()
     }

@@ -164,7 +164,7 @@ impl Trial {
 /// Trials of all methods and initial policies with several seeds.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Study {
-    /// Mean return of the demonstrator, one per seed.
+    /// Mean return of the demonstrator for each seed.
     pub demonstrator: Vec<f64>,
     /// All trials, ordered by method, initial policy and seed.
     pub trials: Vec<Trial>,
@@ -241,12 +241,12 @@ impl Study {
         self.trials.iter().filter(move |trial| (trial.method, trial.beginning) == (method, beginning))
     }
 
-    /// Returns the mean returns at the start of the trials, one per seed.
+    /// Returns the mean return at the start of each trial. There is one trial per seed.
     pub fn starts(&self, method: Method, beginning: Beginning) -> Vec<f64> {
         self.trials(method, beginning).filter_map(|trial| Some(trial.curve.first()?.mean_return)).collect()
     }
 
-    /// Returns the mean returns at the end of the trials, one per seed.
+    /// Returns the mean return at the end of each trial. There is one trial per seed.
     pub fn ends(&self, method: Method, beginning: Beginning) -> Vec<f64> {
         self.trials(method, beginning).filter_map(|trial| Some(trial.curve.last()?.mean_return)).collect()
     }

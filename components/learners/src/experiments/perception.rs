@@ -8,8 +8,8 @@ use crate::perception::{Coupling, Picture, Training, begun_at_zero, chamfer, eve
 /// Number of samples of each compared curve.
 const COMPARED: usize = 200;
 
-/// Chamfer distances between written and shown curves, one per letter, in units of the letter's size (the
-/// larger side of its bounding box).
+/// Chamfer distance between the written and the shown curve of each letter, in units of the letter's size
+/// (the larger side of its bounding box).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CurveErrors {
     /// Distances with both curves starting at the same point, because a picture does not show the position on

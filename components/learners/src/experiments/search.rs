@@ -21,7 +21,7 @@ const SEEDS: u64 = 3;
 /// A movement that a search is to reproduce.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Goal {
-    /// Forces of the movement: the forces of each degree of freedom, one after the other.
+    /// Forces of the movement, stored degree of freedom by degree of freedom.
     pub forces: Vec<f64>,
     /// Spread of the path, which is the unit of errors.
     pub spread: f64,

@@ -61,7 +61,7 @@ impl Costs {
 }
 
 /// A stopwatch that assigns the time of a run to phases. The stopwatch reads the clock a few times per step
-/// of all worlds and per gradient. It does not affect results.
+/// of all worlds and per gradient. The measured times do not affect results.
 #[derive(Clone, Copy, Debug)]
 pub struct Stopwatch {
     last: Instant,

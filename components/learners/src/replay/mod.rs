@@ -41,7 +41,7 @@ pub struct Batch {
     pub actions: DMatrix<f32>,
     /// Discounted rewards over up to `n_step` steps.
     pub rewards: Vec<f32>,
-    /// Factors of the value of the next observation, one per sample.
+    /// Factor of the value of the next observation, for each sample.
     pub discounts: Vec<f32>,
     /// Normalised observations after the last step of each discounted sum.
     pub next: DMatrix<f32>,
@@ -130,10 +130,11 @@ pub trait Method {
     /// Returns the length of an action as stored in the buffer.
     fn width(&self) -> usize;
 
-    /// Writes random actions, one world after the other.
+    /// Writes random actions for all worlds, world by world.
     fn act_randomly(&self, exploration: Exploration, out: &mut [f32]);
 
-    /// Writes actions with exploration for normalised observations, one world per column.
+    /// Writes actions with exploration. Each column of the normalised observations and of the actions is a
+    /// world.
     fn explore(&self, observations: DMatrix<f32>, exploration: Exploration, out: &mut [f32]);
 
     /// Converts an action as stored in the buffer to an action of the task.

@@ -11,7 +11,7 @@ use crate::random::{Counter, Purpose};
 /// A complete generation: points with their rewards.
 #[derive(Clone, Copy, Debug)]
 pub struct Samples<'a> {
-    /// Points of the generation, one after the other.
+    /// Coordinates of the points of the generation, point by point.
     pub points: &'a [f64],
     /// Reward of each point; all rewards are finite.
     pub rewards: &'a [f64],

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 /// Start of a search: initial mean, initial exploration, and bounds.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Start {
-    /// Initial mean, one number per parameter.
+    /// Initial mean of each parameter.
     pub mean: Vec<f64>,
     /// Initial standard deviation of each parameter, at least 0. A parameter with deviation 0 keeps its
     /// value.

@@ -134,7 +134,7 @@ impl Choices {
         best(self.rows.chunks_exact(self.width).map(|row| -distance(row)))
     }
 
-    /// Returns all rows, one after the other.
+    /// Returns the values of all rows, row by row.
     pub fn rows(&self) -> &[f32] {
         &self.rows
     }

@@ -11,7 +11,8 @@ use super::{Choices, TaskError};
 pub struct Symmetry {
     /// Pairs of joints that mirror each other. A joint that is not in a pair mirrors itself.
     pub pairs: Vec<[String; 2]>,
-    /// Joints whose positions change sign when mirrored. Both joints of a pair must be listed.
+    /// Joints whose positions change sign when mirrored. If a joint of a pair is listed, the other joint of
+    /// the pair must also be listed.
     pub reversed: Vec<String>,
 }
 

@@ -1,6 +1,6 @@
 //! A learning task: observations, action, reward, terminations, start and randomisation of one robot.
 //!
-//! A task is a TOML file. Its `observations` and `action` follow the format of a policy folder
+//! A task is a TOML file. The keys `observations` and `action` follow the format of a policy folder
 //! ([`motorium_models::policy`]), so that a trained policy runs with the same terms.
 //!
 //! ```

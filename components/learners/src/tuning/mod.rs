@@ -82,8 +82,8 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// Creates the search. It starts in the middle of the ranges, with a standard deviation of a quarter of
-    /// each range.
+    /// Creates the search. The search starts in the middle of the ranges, with a standard deviation of a
+    /// quarter of each range.
     ///
     /// # Errors
     ///

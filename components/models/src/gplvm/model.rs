@@ -100,7 +100,7 @@ impl LatentModel {
         self.points.len()
     }
 
-    /// Returns the latent points, one per row.
+    /// Returns the latent points; each row is a point.
     pub fn latent(&self) -> Vec<f64> {
         self.points.to_rows()
     }
@@ -166,8 +166,9 @@ impl LatentModel {
         self.back.as_ref().map(|back| &self.spaces[back.space])
     }
 
-    /// Returns the model restricted to its first `poses` poses. Their latent points, the hyperparameters and
-    /// the back constraint are kept. A robot with only these poses can be added to it.
+    /// Returns the model restricted to its first `poses` poses. The latent points of these poses, the
+    /// hyperparameters and the back constraint are kept. A robot with only these poses can be added to the
+    /// restricted model.
     ///
     /// # Errors
     /// [`LatentError`] if the number of poses is out of range.

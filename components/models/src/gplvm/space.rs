@@ -13,7 +13,7 @@ pub struct SpaceData<'a> {
     pub name: &'a str,
     /// Names of the columns.
     pub columns: Vec<String>,
-    /// Poses, one per row.
+    /// Values of the poses, row by row; each row is a pose.
     pub values: &'a [f64],
 }
 

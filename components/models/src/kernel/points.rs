@@ -1,6 +1,6 @@
 //! Inputs of a kernel, stored by dimension.
 
-/// Points at which a kernel is evaluated. They are stored one dimension after the other, so that loops over
+/// Points at which a kernel is evaluated. Coordinates are stored dimension by dimension, so that loops over
 /// points access contiguous memory.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Points {

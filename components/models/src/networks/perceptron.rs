@@ -144,8 +144,8 @@ pub struct PerceptronTrace {
 }
 
 impl PerceptronTrace {
-    /// Returns the network input for `samples` samples of `inputs` numbers, one sample per column, to be
-    /// overwritten.
+    /// Returns a buffer for the network input: `samples` columns, each with the `inputs` numbers of a sample.
+    /// The caller must overwrite all of it.
     pub fn input_mut(&mut self, inputs: usize, samples: usize) -> &mut [f32] {
         self.values.resize_with(self.values.len().max(1), DMatrix::default);
         resize(&mut self.values[0], inputs, samples);

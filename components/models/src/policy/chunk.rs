@@ -32,7 +32,7 @@ pub struct Chunk<'a> {
     pub sequence: u64,
     /// Number of values of an action.
     pub width: usize,
-    /// Values of all actions, one action after the other.
+    /// Values of all actions, action by action.
     pub values: &'a [f64],
 }
 

@@ -138,9 +138,9 @@ impl PolicyFolder {
     }
 }
 
-/// The compiled network of a policy. Its first input is the observation, and its first output is the action.
-/// All further inputs are recurrent states, in the same order as the further outputs. Running the network
-/// does not allocate.
+/// The compiled network of a policy. The first input of the network is the observation, and the first output
+/// is the action. All further inputs are recurrent states, in the same order as the further outputs. Running
+/// the network does not allocate.
 #[derive(Clone, Debug)]
 pub struct PolicyNetwork {
     program: Program,

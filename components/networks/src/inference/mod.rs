@@ -41,11 +41,11 @@ pub type Buffer = usize;
 pub struct Run {
     /// Buffer from which the numbers are read.
     pub source: Buffer,
-    /// Index of the first number read.
+    /// Index of the first number that is read from `source`.
     pub from: usize,
-    /// Index of the first number written.
+    /// Index of the first number that is written.
     pub to: usize,
-    /// Count of numbers copied.
+    /// Count of numbers that are copied.
     pub length: usize,
 }
 
@@ -139,8 +139,8 @@ impl<T: Lanes> Program<T> {
         self.operations.len()
     }
 
-    /// Returns the values of an input, the last axis varying fastest, to be written before
-    /// [`run`](Self::run).
+    /// Returns the buffer of an input, which must be written before [`run`](Self::run). The last axis varies
+    /// fastest.
     ///
     /// # Panics
     ///
@@ -149,7 +149,7 @@ impl<T: Lanes> Program<T> {
         &mut self.buffers[self.inputs[index].buffer]
     }
 
-    /// Returns the values of an output after the last run, the last axis varying fastest.
+    /// Returns the values of an output after the last run. The last axis varies fastest.
     ///
     /// # Panics
     ///

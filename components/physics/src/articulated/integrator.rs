@@ -24,8 +24,8 @@ use crate::{Integrator, JointSetpoint};
 ///
 /// with the drive law `tau` of [`JointSetpoint`] without its acceleration limit, viscous damping `D`, Coulomb
 /// friction that can stick, and inelastic limit stops. During the step, a floating base translates along a
-/// straight line and rotates about a fixed axis. Its velocity is expressed in axes that do not rotate during
-/// the step, so rotation alone does not change it.
+/// straight line and rotates about a fixed axis. The velocity of the base is expressed in axes that do not
+/// rotate during the step, so rotation alone does not change it.
 ///
 /// Each term is a monotone function of its own `v+_i`, and `M` is positive definite. The problem is therefore
 /// strictly convex and has a unique solution for any gains. An active set finds the solution. A joint's drive

@@ -202,7 +202,7 @@ impl<E: Engine + Send, W: Send> Batch<E, W> {
         &self.worlds[index]
     }
 
-    /// Returns the user data of all worlds, in order.
+    /// Returns the user data of all worlds, in the order of the worlds.
     pub fn data(&self) -> &[W] {
         &self.data
     }
@@ -218,12 +218,12 @@ impl<E: Engine + Send, W: Send> Batch<E, W> {
         &mut self.commands
     }
 
-    /// Returns the configurations of all worlds (nq each), one after the other.
+    /// Returns the configurations of all worlds, world by world, each with nq numbers.
     pub fn all_positions(&self) -> &[f64] {
         &self.positions
     }
 
-    /// Returns the velocities of all worlds (nv each), one after the other.
+    /// Returns the velocities of all worlds, world by world, each with nv numbers.
     pub fn all_velocities(&self) -> &[f64] {
         &self.velocities
     }

@@ -74,7 +74,8 @@ impl Draws {
         Ok(Self { quantities, shares: shares(robots), nominal, q: q.to_vec() })
     }
 
-    /// Creates a generator for a simulation of one robot. Its current state is the nominal initial state.
+    /// Creates a generator for a simulation of one robot. The current state of the simulation is the nominal
+    /// initial state.
     ///
     /// # Errors
     ///

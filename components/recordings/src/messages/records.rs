@@ -69,7 +69,7 @@ fn damaged(chunks: &[(u64, u64)], begin: u64) -> Option<String> {
     ))
 }
 
-/// An iterator over all records in file order, in and outside chunks. It skips damaged bytes.
+/// An iterator over all records in file order, in and outside chunks. The iterator skips damaged bytes.
 #[derive(Debug)]
 pub struct Records<'a> {
     file: &'a [u8],

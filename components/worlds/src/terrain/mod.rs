@@ -98,7 +98,7 @@ pub struct Terrain {
     /// Softness: contact points yield like a spring and a damper. Default: the surface is rigid.
     #[serde(default)]
     pub soft: Option<Softness>,
-    /// Layers of the terrain, whose heights are added.
+    /// Layers of the terrain. The heights of all layers are added.
     pub layers: Vec<TerrainLayer>,
 }
 

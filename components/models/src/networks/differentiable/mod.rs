@@ -48,7 +48,7 @@ pub struct Forward<'a, T> {
     pub parameters: &'a [T],
     /// Rows of inputs.
     pub input: &'a [T],
-    /// Rows of outputs, to be written.
+    /// Buffer to which the rows of outputs are written.
     pub output: &'a mut [T],
     /// Values stored for the backward pass: [`Layer::trace`] values for each row.
     pub trace: &'a mut [T],
@@ -67,9 +67,9 @@ pub struct Backward<'a, T> {
     pub trace: &'a [T],
     /// Gradient of the loss with respect to the outputs.
     pub gradient: &'a [T],
-    /// Gradient of the loss with respect to the inputs, to be written.
+    /// Buffer to which the gradient of the loss with respect to the inputs is written.
     pub input_gradient: &'a mut [T],
-    /// Gradient of the loss with respect to the parameters, to which the result is added.
+    /// Buffer to which the gradient of the loss with respect to the parameters is added.
     pub parameter_gradient: &'a mut [T],
 }
 

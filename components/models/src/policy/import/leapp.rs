@@ -80,9 +80,9 @@ pub struct BundleModel {
     pub path: String,
     /// SHA-256 of the file as hexadecimal digits.
     pub sha256: Option<String>,
-    /// Inputs, in order.
+    /// Inputs, in the order of the network.
     pub inputs: Vec<BundlePort>,
-    /// Outputs, in order.
+    /// Outputs, in the order of the network.
     pub outputs: Vec<BundlePort>,
 }
 

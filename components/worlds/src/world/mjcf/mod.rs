@@ -69,7 +69,7 @@ const OF_ROBOTS: [&str; 3] = ["tendon", "actuator", "keyframe"];
 ///
 /// Geoms of immovable bodies, including height fields, become fixed objects, and a level plane becomes the
 /// ground. A body with a free joint becomes a moving object of one or more shapes, with the masses of its
-/// geoms. Meshes collide with their convex hull, as in MuJoCo, and height fields with their triangles. Each
+/// geoms. Meshes collide with their convex hull, as in MuJoCo, and height fields with their triangles. An
 /// object has the colour of its geoms. `<connect>` and `<weld>` become connections of objects. Bodies with
 /// other joints, and other elements that a world cannot contain, are rejected with their position.
 /// Non-colliding geoms without mass are skipped with a warning.
