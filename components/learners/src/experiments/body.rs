@@ -19,8 +19,8 @@ const SMOOTH: f64 = 1.5;
 /// Sampling rate, Hz.
 pub const RATE: f64 = 30.0;
 
-/// Names of the channels of arms and legs in the recordings, deg. `*` at the end of a name matches any
-/// suffix.
+/// Names of the channels for arms and legs in the recordings. Angles are in degrees. `*` at the end of a name
+/// matches any suffix.
 pub const CHANNELS: [&str; 12] = [
     "lhumerus*",
     "lradius*",

@@ -174,7 +174,7 @@ impl Hsmm {
         if last.is_finite() { Ok(last) } else { Err(HmmError::Impossible { row: n - 1 }) }
     }
 
-    /// Returns the log-likelihood of a sequence, stored row by row.
+    /// Returns the log-likelihood of a sequence of observations. Each row of `sequence` is an observation.
     ///
     /// # Errors
     /// [`HmmError`] if the sequence is invalid or impossible.

@@ -204,7 +204,8 @@ impl Hmm {
         &self.start
     }
 
-    /// Returns the transition probabilities, row by row.
+    /// Returns the transition probabilities. Row `i` contains the probabilities of all states after state
+    /// `i`.
     pub fn transitions(&self) -> &[f64] {
         &self.transitions
     }
@@ -214,7 +215,7 @@ impl Hmm {
         &self.gaussians[state].mean
     }
 
-    /// Returns the covariance of the observations of a state, row by row.
+    /// Returns the covariance matrix of the observations of a state, stored row by row.
     pub fn covariance(&self, state: usize) -> &[f64] {
         &self.gaussians[state].covariance
     }
@@ -237,7 +238,7 @@ impl Hmm {
             .collect())
     }
 
-    /// Returns the log-likelihood of a sequence, stored row by row.
+    /// Returns the log-likelihood of a sequence of observations. Each row of `sequence` is an observation.
     ///
     /// # Errors
     /// [`HmmError`] if the sequence is invalid or impossible.

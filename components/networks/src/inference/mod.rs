@@ -52,7 +52,7 @@ pub struct Run {
 /// Sizes and positions of matrices to be multiplied in pairs. All pairs have the same sizes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Product {
-    /// Rows of the first matrix, columns of the first matrix, columns of the second matrix.
+    /// Number of rows of the first matrix, number of its columns, and number of columns of the second matrix.
     pub sizes: [usize; 3],
     /// For each product, the offsets of its two matrices in their buffers.
     pub offsets: Vec<[usize; 2]>,

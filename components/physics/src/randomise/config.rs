@@ -59,7 +59,7 @@ pub struct RandomiseConfig {
     pub terrain: TerrainIntervals,
     /// Properties of objects by object name.
     pub objects: BTreeMap<String, ObjectIntervals>,
-    /// Ranges of single robots by robot name. They replace the common ranges of this table.
+    /// Ranges of single robots by robot name. The ranges of a robot replace the common ranges of this table.
     pub robots: BTreeMap<String, RobotIntervals>,
 }
 

@@ -72,12 +72,12 @@ impl RayShape {
         Self { surface, reach: shape.bounding_radius() }
     }
 
-    /// Creates the surface of a terrain. Rays hit it only from above.
+    /// Creates the surface of a terrain, which rays hit only from above.
     pub fn of_terrain(field: Arc<HeightField>) -> Self {
         Self { surface: Surface::Terrain(field), reach: f64::INFINITY }
     }
 
-    /// Creates the surface of a triangle mesh. Rays hit it from both sides.
+    /// Creates the surface of a triangle mesh, which rays hit from both sides.
     pub fn of_triangles(surface: Arc<TriangleSurface>) -> Self {
         let reach = surface.reach();
         Self { surface: Surface::Triangles(surface), reach }

@@ -23,7 +23,7 @@ pub struct BlobConfig {
     /// root link.
     #[serde(default)]
     pub camera: Mount,
-    /// Colour of the object: red, green and blue, 0 to 1. Brightness is ignored.
+    /// Colour of the object: red, green and blue, 0 to 1. The brightness of this colour is ignored.
     pub colour: [f64; 3],
     /// Maximum angle between the colour of a pixel and `colour` as vectors (rad). Default 0.15.
     #[serde(default = "tolerance")]
