@@ -70,7 +70,8 @@ pub enum EvaluationError {
     Environment(#[from] EnvironmentError),
 }
 
-/// Runs the policy in a folder on the task in a file for a number of episodes, without exploration.
+/// Evaluates a policy without exploration: runs a number of episodes of the task in a file with the policy in
+/// a folder.
 ///
 /// # Errors
 ///

@@ -4,9 +4,9 @@
 //! - [`component`]: the component `learner.task`, which evaluates a task in a graph, and a topic with the
 //!   progress of a training run.
 //! - [`learner`]: trait, names and checkpoints of all gradient-based learners.
-//! - [`training`]: training runs in a folder, with any gradient-based learner.
+//! - [`training`]: training runs of any gradient-based learner, stored in a folder.
 //! - [`ppo`], [`a2c`], [`reinforce`]: on-policy learners.
-//! - [`sac`], [`td3`], [`ddpg`], [`dqn`]: off-policy learners, with a [`replay`] buffer.
+//! - [`sac`], [`td3`], [`ddpg`], [`dqn`]: off-policy learners, which use a [`replay`] buffer.
 //! - [`imitation`]: behaviour cloning and DAgger.
 //! - [`evaluation`]: returns of a trained policy.
 //! - [`search`]: black-box search, from reward-weighted policy search to Bayesian optimisation.

@@ -1,8 +1,8 @@
 //! REINFORCE with a baseline.
 //!
-//! A stochastic policy `a ~ N(mu(o), diag(sigma^2))` learns from whole episodes, one per world and update.
-//! With the returns `G` of an episode and a value function `V(o)` as the baseline, one gradient step over all
-//! samples minimises
+//! A stochastic policy `a ~ N(mu(o), diag(sigma^2))` learns from whole episodes. Each update uses one episode
+//! of each world. With the returns `G` of an episode and a value function `V(o)` as the baseline, one
+//! gradient step over all samples minimises
 //!
 //! ```text
 //! L   = -E[A ln pi(a | o)] + value / 2 E[(V - G)^2] - entropy H

@@ -42,7 +42,7 @@ pub struct Properties {
     pub world: World,
     /// The surfaces of all colliders: robot, objects, and ground or terrain.
     pub surfaces: Vec<Surface>,
-    /// Actuator settings of each articulation, one per joint; empty if all actuators are ideal. Ideal
+    /// Actuator settings of the joints of each articulation; empty if all actuators are ideal. Ideal
     /// actuators remain ideal.
     pub actuators: Vec<Vec<Option<ActuatorSettings>>>,
 }

@@ -109,7 +109,7 @@ pub trait Engine: Sized {
     /// Discards the state computed by [`advance`](Self::advance). The robot keeps its current state.
     fn discard(&mut self);
 
-    /// Saves the engine state that affects later steps, without the robot's state.
+    /// Saves the engine state that affects later steps. The robot's state is not included.
     fn save(&self) -> Self::State;
 
     /// Restores a saved state. The robot's state has already been restored. Returns `false` and changes
@@ -211,9 +211,9 @@ impl<E: Engine> Simulation<E> {
         &self.world
     }
 
-    /// Creates a simulation of several robots in `world`, one [`Articulation`] each, at rest. `q` contains
-    /// the configurations of all robots, one after the other. Names of links and joints must differ between
-    /// robots ([`Model::prefixed`](motorium_robots::Model::prefixed)).
+    /// Creates a simulation of several robots in `world`. Each robot is an [`Articulation`] and starts at
+    /// rest. `q` contains the configurations of all robots, one after the other. Names of links and joints
+    /// must differ between robots ([`Model::prefixed`](motorium_robots::Model::prefixed)).
     ///
     /// # Errors
     ///

@@ -314,8 +314,8 @@ pub trait Simulator {
     fn set_object_velocity(&mut self, object: ObjectId, linear: Vector3<f64>, angular: Vector3<f64>);
 
     /// Connects two parts in their current poses, either by a ball joint or rigidly. The connection persists
-    /// until [`detach`](Self::detach), also across resets. Connected parts do not collide with each other.
-    /// Only this call allocates memory; later steps do not.
+    /// until [`detach`](Self::detach). A reset does not remove it. Connected parts do not collide with each
+    /// other. Only this call allocates memory; later steps do not.
     ///
     /// # Errors
     ///

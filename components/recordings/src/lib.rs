@@ -95,8 +95,8 @@ pub struct Recording {
 }
 
 impl Recording {
-    /// Creates a recording of `values` (samples x channels) at increasing `times` (s, one per sample),
-    /// without id and label.
+    /// Creates a recording without id and label. `values` is a matrix (samples x channels), and `times`
+    /// contains the increasing time of each sample, s.
     ///
     /// # Errors
     /// There are fewer than two samples or no channel, lengths differ, times do not increase, or a value is

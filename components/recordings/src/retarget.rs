@@ -55,7 +55,7 @@ pub struct BranchChange {
     pub step: f64,
 }
 
-/// The joint positions found by [`retarget`], with measures of their quality.
+/// The joint positions found by [`retarget`], and measures of the quality of these positions.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Retargeted {
     /// Positions of the joints that move the limbs, rad or m; one channel per joint.

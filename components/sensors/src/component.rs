@@ -184,7 +184,7 @@ fn build(
         .map_err(|error| ConfigError::key(error.setting(), error.to_string()))
 }
 
-/// Returns the component kinds of this crate, for a host program.
+/// Returns the component kinds of this crate, which a host program registers.
 ///
 /// ```
 /// let names: Vec<_> = motorium_sensors::kinds().iter().map(|kind| kind.name).collect();

@@ -98,7 +98,7 @@ impl ImuModel {
         Some(ImuReading { specific_force: force, angular_velocity: rate })
     }
 
-    /// Returns the current biases of gyroscope \[rad/s\] and accelerometer \[m/s2\], per axis.
+    /// Returns the current biases of each axis of the gyroscope \[rad/s\] and of the accelerometer \[m/s2\].
     pub fn biases(&self) -> (Vector3<f64>, Vector3<f64>) {
         let bias = |channel: &Channel| Vector3::from_column_slice(channel.bias());
         (bias(&self.gyroscope), bias(&self.accelerometer))

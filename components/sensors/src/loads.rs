@@ -52,8 +52,8 @@ impl From<OutsideForce> for OutsideWrench {
 /// motion.
 ///
 /// A link and everything it carries have the total momentum `P`, the angular momentum `L` about the world
-/// origin, the mass `m` and the centre of mass `c`. Between two samples at `t` and `t + dt`, the joint that
-/// carries the link, moving or fixed, must have exerted the mean wrench of force `F` and torque `T`:
+/// origin, the mass `m` and the centre of mass `c`. Between two samples at `t` and `t + dt`, the movable or
+/// fixed joint that carries the link must have exerted the mean wrench of force `F` and torque `T`:
 ///
 /// ```text
 /// F = (P(t + dt) - P(t)) / dt - m g - sum f_i
@@ -198,8 +198,8 @@ impl Loads {
         }
     }
 
-    /// Returns the mean wrench that the joint above a link, moving or fixed, exerted on the link during the
-    /// interval up to the last sample.
+    /// Returns the mean wrench that the movable or fixed joint above a link exerted on the link during the
+    /// interval before the last sample.
     pub fn through(&self, link: FrameId) -> WorldWrench {
         self.wrenches[link.index()]
     }

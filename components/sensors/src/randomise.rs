@@ -101,7 +101,7 @@ impl SensorRanges {
 }
 
 impl SensorDraw {
-    /// Returns parameters that change nothing, for a sensor with this latency.
+    /// Returns parameters that leave a sensor with this latency unchanged.
     pub fn none(latency: TimeSpan) -> Self {
         Self { noise: 1.0, bias: 1.0, latency }
     }

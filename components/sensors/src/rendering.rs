@@ -23,7 +23,7 @@ const OFF: f64 = 1e-6;
 pub struct Paint {
     /// Red, green and blue, 0 to 1.
     pub colour: Colour,
-    /// Checkerboard of a second colour in the xy plane of the world; `None` for a single colour.
+    /// Second colour of a checkerboard pattern in the xy plane of the world; `None` for a single colour.
     pub checker: Option<Checker>,
 }
 

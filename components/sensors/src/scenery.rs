@@ -82,7 +82,7 @@ impl Scenery {
     }
 }
 
-/// Returns the solids of a robot for ray casting, with meshes as their convex hulls.
+/// Returns the solids of a robot for ray casting. Meshes are replaced by their convex hulls.
 pub fn solids(model: &Model) -> CollisionModel {
     let options = CollisionOptions {
         meshes: MeshMode::Hull { most_corners: 5000 },

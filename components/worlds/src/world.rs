@@ -1,4 +1,4 @@
-//! The surroundings of robots, as described in a file.
+//! Worlds: descriptions of the surroundings of robots.
 
 mod checks;
 mod colours;

@@ -102,7 +102,7 @@ impl ImageInputs {
         &self.pixels
     }
 
-    /// Forgets all images, at the start of an episode.
+    /// Forgets all images. Call this at the start of an episode.
     pub fn reset(&mut self) {
         self.inputs.iter_mut().for_each(|image| image.published = None);
     }

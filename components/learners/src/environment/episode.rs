@@ -131,7 +131,7 @@ pub struct EpisodeSummary {
     pub end: End,
 }
 
-/// One world of a task, in which episodes run.
+/// One world of a task, which runs one episode after the other.
 ///
 /// ```
 /// use std::path::Path;

@@ -19,7 +19,7 @@ struct Data {
     failure: Option<EnvironmentError>,
 }
 
-/// Running episode of a world, with the data required to replay it.
+/// The running episode of a world: the data required to replay the episode.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Progress {
     /// Number of the episode.
@@ -43,8 +43,8 @@ pub struct VectorEnvironment<E> {
 }
 
 impl<E: Engine + Send> VectorEnvironment<E> {
-    /// Creates `worlds` worlds on `threads` threads, each at the start of episode 0. `build` creates the
-    /// simulation of each world.
+    /// Creates `worlds` worlds, which `threads` threads step. All worlds are at the start of episode 0.
+    /// `build` creates the simulation of each world.
     ///
     /// # Errors
     ///
@@ -102,8 +102,8 @@ impl<E: Engine + Send> VectorEnvironment<E> {
         self.batch.on_threads(work);
     }
 
-    /// Returns the observations of all worlds, one after the other. For a world whose episode has ended, this
-    /// is the first observation of the next episode.
+    /// Returns the observations of all worlds, world by world. For a world whose episode has ended, this is
+    /// the first observation of the next episode.
     pub fn observations(&self) -> &[f32] {
         &self.observations
     }
@@ -176,7 +176,7 @@ impl<E: Engine + Send> VectorEnvironment<E> {
         self.collect()
     }
 
-    /// Applies one action per world; `actions` contains the actions of all worlds, one after the other.
+    /// Applies one action per world; `actions` contains the actions of all worlds, world by world.
     ///
     /// # Errors
     ///

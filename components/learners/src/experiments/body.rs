@@ -157,7 +157,7 @@ impl Body {
         goals
     }
 
-    /// Returns the first `n` eigenforces of a library of all degrees of freedom, with rows in the order of
+    /// Returns the first `n` eigenforces of a library of all degrees of freedom. Rows are in the order of
     /// `whole`.
     pub fn eigenforces(&self, library: &MotionLibrary, n: usize) -> DMatrix<f64> {
         let basis = Basis::eigenforces(library, n);

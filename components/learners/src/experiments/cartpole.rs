@@ -1,8 +1,8 @@
 //! Balancing a cart-pole by imitation, by reinforcement learning, and by both in sequence.
 //!
 //! The demonstrator keeps the pole upright, but pushes slightly to one side and ignores the cart, which runs
-//! off its track. A policy learns from a short demonstration and then from rewards, or from rewards alone.
-//! [`Power`] trains a linear policy; [`Ppo`] trains a network.
+//! off its track. A policy learns first from a short demonstration and then from rewards, or only from
+//! rewards. [`Power`] trains a linear policy; [`Ppo`] trains a network.
 //!
 //! Source: Delhaisse's thesis, 2019, section 2.4.4, figure 2.32. The thesis does not state the demonstration
 //! and the settings.
@@ -134,7 +134,7 @@ pub enum StudyError {
 /// Mean return after a given amount of experience.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Point {
-    /// Number of episodes of PoWER, or of steps of PPO; 0 at the start.
+    /// Number of episodes for PoWER, number of steps for PPO; 0 at the start.
     pub experience: u64,
     /// Mean return of the policy without exploration.
     pub mean_return: f64,

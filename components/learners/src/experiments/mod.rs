@@ -5,7 +5,7 @@
 //! - [`search`]: policy search on weights of a library and of radial kernels.
 //! - [`body`]: libraries of a full body and of its parts, and composed movements.
 //! - [`locomotion`]: Bayesian optimisation of the gait of a quadruped.
-//! - [`ball_in_cup`]: a ball caught by policy search, on weights of a library and of kernels.
+//! - [`ball_in_cup`]: a ball caught in a cup by policy search over weights of a library or of kernels.
 //! - [`cartpole`]: a cart-pole balanced by imitation and by reinforcement learning.
 //! - [`perception`]: letters written from their pictures, compared with the nearest known picture.
 

@@ -172,7 +172,7 @@ pub struct Search {
 }
 
 impl Search {
-    /// Runs searches for every goal, with three seeds each.
+    /// Runs three searches with different seeds for every goal.
     pub fn new(space: &SearchSpace, goals: &[Goal], spring: &SampledSpring) -> Self {
         let mut rewards = Vec::new();
         for (k, goal) in goals.iter().enumerate() {

@@ -107,7 +107,7 @@ impl<E: Engine + Send> Imitation<E> {
         Self::with_experts(task, settings, experts, (seed, threads), build)
     }
 
-    /// Creates a run of behaviour cloning from recorded actions, with one iteration and without an expert.
+    /// Creates a run of behaviour cloning from recorded actions. The run has one iteration and no expert.
     ///
     /// # Errors
     ///
@@ -207,7 +207,7 @@ impl<E: Engine + Send> Imitation<E> {
         self.regression.network()
     }
 
-    /// Returns the SHA-256 digest of all weights, in hexadecimal.
+    /// Returns the SHA-256 digest of all weights as hexadecimal digits.
     pub fn weights_sha256(&self) -> String {
         self.regression.weights_sha256()
     }

@@ -36,7 +36,7 @@ pub enum Model {
     /// A motion library with weights that depend linearly on the start. Its movements end at the mean end of
     /// the demonstrations.
     Library,
-    /// A replay of the first demonstration, regardless of the start.
+    /// A replay of the first demonstration, which ignores the start.
     Replay,
 }
 

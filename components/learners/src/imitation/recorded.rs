@@ -2,7 +2,7 @@
 
 use crate::environment::EnvironmentError;
 
-/// Recorded observations of a task, with the action for each observation.
+/// Recorded observations of a task and the action that was taken for each observation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recorded {
     /// Lengths of an observation and of an action.

@@ -220,7 +220,7 @@ impl Regression {
         (&self.network, &self.normaliser)
     }
 
-    /// Returns the SHA-256 digest of all weights, in hexadecimal.
+    /// Returns the SHA-256 digest of all weights as hexadecimal digits.
     pub fn weights_sha256(&self) -> String {
         let layers = self.policy().layers;
         numbers_sha256(layers.iter().flat_map(|(weights, bias)| [&weights[..], &bias[..]]))

@@ -54,7 +54,7 @@ pub enum RunError {
 pub struct Summary {
     /// Progress of the last iteration; `None` before the first iteration.
     pub last: Option<Progress>,
-    /// SHA-256 digest of all weights, in hexadecimal.
+    /// SHA-256 digest of all weights as hexadecimal digits.
     pub weights_sha256: String,
 }
 

@@ -1,4 +1,4 @@
-//! Checkpoints: the complete state of a training run, in one safetensors file.
+//! Checkpoints: files in the safetensors format with the complete state of a training run.
 
 use motorium_models::networks::{Adam, Perceptron};
 use motorium_models::safetensors::{self, SafetensorsError, Tensor, Tensors};

@@ -119,10 +119,10 @@ pub trait Learner {
     /// [`CheckpointError`] if the checkpoint is invalid or does not fit the run.
     fn restore(&mut self, bytes: &[u8]) -> Result<(), CheckpointError>;
 
-    /// Returns the policy without exploration, for raw observations.
+    /// Returns the policy without exploration. Its inputs are raw observations, which are not normalised.
     fn policy(&self) -> TrainedNetwork;
 
-    /// Returns the SHA-256 digest of all weights, in hexadecimal.
+    /// Returns the SHA-256 digest of all weights as hexadecimal digits.
     fn weights_sha256(&self) -> String;
 }
 

@@ -270,7 +270,7 @@ impl<E: Engine + Send> Ppo<E> {
     }
 
     /// Returns the SHA-256 digest of the weights of the policy and value networks and of the standard
-    /// deviations, in hexadecimal.
+    /// deviations, as hexadecimal digits.
     pub fn weights_sha256(&self) -> String {
         let weights = [&self.policy.to_vec(), &self.value.to_vec(), &self.deviations];
         numbers_sha256(weights.map(Vec::as_slice))

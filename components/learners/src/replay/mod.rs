@@ -32,7 +32,7 @@ use crate::learner::{
 use crate::random::{Counter, Purpose};
 use crate::task::{Task, TaskError, Terms};
 
-/// Samples of a gradient step, with one column per sample.
+/// Samples of a gradient step. Each column of a matrix is a sample.
 #[derive(Clone, Debug)]
 pub struct Batch {
     /// Normalised observations.
@@ -83,7 +83,7 @@ pub struct Gradient<'a> {
     pub seed: u64,
     /// Number of preceding gradient steps.
     pub number: u64,
-    /// Number of the update, for error messages.
+    /// Number of the update, which is used only in error messages.
     pub update: u64,
     /// Number of threads, which does not change the result.
     pub threads: usize,
@@ -92,7 +92,7 @@ pub struct Gradient<'a> {
 }
 
 impl Gradient<'_> {
-    /// Returns standard normal noise, one sample per column.
+    /// Returns standard normal noise. Each column is a sample.
     pub fn noise(&self, rows: usize, columns: usize) -> DMatrix<f32> {
         let counter = Counter { seed: self.seed, step: self.number, ..Counter::default() };
         let mut random = counter.stream(Purpose::Noise);
@@ -152,7 +152,7 @@ pub trait Method {
         watch: &mut Stopwatch,
     ) -> Result<Vec<f64>, LearnerError>;
 
-    /// Returns the policy without exploration, for normalised observations.
+    /// Returns the policy without exploration. Its inputs are normalised observations.
     fn policy(&self) -> TrainedNetwork;
 
     /// Returns all parameters, including the parameters of target networks.

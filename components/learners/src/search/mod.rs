@@ -84,8 +84,8 @@ pub trait Search {
     /// needs rewards of earlier candidates.
     fn ask(&mut self, count: usize) -> Vec<Candidate>;
 
-    /// Accepts rewards of candidates, as pairs of candidate number and reward, in any order. A reward that is
-    /// not finite ranks below all finite rewards.
+    /// Accepts rewards of candidates in any order. Each entry is a pair of a candidate number and its reward.
+    /// A reward that is not finite ranks below all finite rewards.
     ///
     /// # Errors
     ///

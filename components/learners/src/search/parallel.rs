@@ -119,11 +119,11 @@ impl<T> Drop for PanicGuard<'_, T> {
 /// Evaluates candidates of a search on several threads. Stops when the given number of candidates have
 /// rewards, or when the search proposes no more candidates.
 ///
-/// `build` creates the worker of a thread, on that thread. `evaluate` evaluates a candidate with the worker,
-/// and `report` is called after a reward has been accepted. Rewards are accepted one at a time, in the order
-/// of the candidates, and new candidates are proposed after each reward. If the evaluations do not depend on
-/// the number of threads, neither does the search, bit for bit. Candidates without rewards at the start are
-/// evaluated first, so a restored search continues where it stopped.
+/// `build` is called on each thread and creates the thread's worker. `evaluate` evaluates a candidate with
+/// the worker, and `report` is called after a reward has been accepted. Rewards are accepted one at a time,
+/// in the order of the candidates, and new candidates are proposed after each reward. If the evaluations do
+/// not depend on the number of threads, neither does the search, bit for bit. Candidates without rewards at
+/// the start are evaluated first, so a restored search continues where it stopped.
 ///
 /// ```
 /// use motorium_learners::search::{

@@ -23,7 +23,8 @@ impl Default for PowerSettings {
     }
 }
 
-/// A search for the parameters `theta` with the largest reward, one rollout at a time (PoWER).
+/// A search for the parameters `theta` with the largest reward, which evaluates one rollout at a time
+/// (PoWER).
 ///
 /// Each rollout explores with `theta + eps`, `eps ~ N(0, Sigma)`, `Sigma` diagonal; the first rollout is the
 /// start. The best rollouts so far are kept (importance sampling). With their rewards `R_j > 0` and `eps_j =

@@ -74,7 +74,7 @@ impl Start {
         Self { mean, deviation, bounds: None, seed }
     }
 
-    /// Returns the same start with bounds, one pair per parameter.
+    /// Returns the same start with bounds. There is one pair of bounds per parameter.
     #[must_use]
     pub fn within(mut self, bounds: Vec<[f64; 2]>) -> Self {
         self.bounds = Some(bounds);

@@ -43,7 +43,7 @@ pub struct RandomSearch {
 }
 
 impl RandomSearch {
-    /// Creates a search within finite bounds, with one pair of bounds per parameter.
+    /// Creates a search within finite bounds. There is one pair of bounds per parameter.
     ///
     /// # Errors
     ///

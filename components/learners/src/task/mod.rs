@@ -130,9 +130,9 @@ pub struct Task {
     /// Ranges of physical properties and start states, sampled at the start of every episode, as in a graph.
     #[serde(default)]
     pub randomise: RandomiseConfig,
-    /// Left-right symmetry, for learners that mirror their steps. Default: no symmetry.
+    /// Left-right symmetry of the task, which learners need to mirror steps. Default: no symmetry.
     pub symmetry: Option<Symmetry>,
-    /// Settings of learning algorithms for this task, by the name of the algorithm.
+    /// Settings of learning algorithms for this task. The keys are the names of the algorithms.
     #[serde(default)]
     pub algorithms: toml::Table,
 }
@@ -281,7 +281,8 @@ impl Task {
         (self.duration * self.rate()).round() as usize
     }
 
-    /// Returns the text of `policy.toml` for policies of this task, with the digest of the robot if given.
+    /// Returns the text of `policy.toml` for policies of this task. The text contains the digest of the robot
+    /// if it is given.
     ///
     /// # Errors
     ///

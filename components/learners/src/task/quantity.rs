@@ -6,7 +6,7 @@ use serde::Deserialize;
 
 use super::TaskError;
 
-/// A quantity of the state after a step, for rewards and terminations.
+/// A quantity of the state after a step, which rewards and terminations can use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Quantity {
@@ -73,13 +73,14 @@ pub enum Shape {
 pub struct Reward {
     /// Quantity that is rewarded.
     pub term: Quantity,
-    /// Name of the joint, for a quantity of a joint.
+    /// Name of the joint if the quantity refers to a joint.
     pub joint: Option<String>,
-    /// Names of the joints, for `joint_cosine`.
+    /// Names of the joints if the quantity is `joint_cosine`.
     pub joints: Option<Vec<String>>,
-    /// Names of the links, for `contact_force`.
+    /// Names of the links if the quantity is `contact_force`.
     pub links: Option<Vec<String>>,
-    /// One or two points, for `distance`, `height` and `speed`: links, objects, or `target`.
+    /// One or two points if the quantity is `distance`, `height` or `speed`. A point is a link, an object, or
+    /// `target`.
     pub points: Option<Vec<String>>,
     /// Value subtracted from the quantity. Default: 0.
     #[serde(default)]
@@ -116,13 +117,14 @@ pub enum Verdict {
 pub struct Termination {
     /// Quantity that is monitored.
     pub term: Quantity,
-    /// Name of the joint, for a quantity of a joint.
+    /// Name of the joint if the quantity refers to a joint.
     pub joint: Option<String>,
-    /// Names of the joints, for `joint_cosine`.
+    /// Names of the joints if the quantity is `joint_cosine`.
     pub joints: Option<Vec<String>>,
-    /// Names of the links, for `contact_force`.
+    /// Names of the links if the quantity is `contact_force`.
     pub links: Option<Vec<String>>,
-    /// One or two points, for `distance`, `height` and `speed`: links, objects, or `target`.
+    /// One or two points if the quantity is `distance`, `height` or `speed`. A point is a link, an object, or
+    /// `target`.
     pub points: Option<Vec<String>>,
     /// The episode ends if the quantity is outside this range.
     pub outside: Option<[f64; 2]>,

@@ -88,7 +88,7 @@ pub struct Summary {
     pub updates: u64,
     /// Progress of the last update; `None` if the run had already finished.
     pub last: Option<Progress>,
-    /// SHA-256 digest of all weights, in hexadecimal.
+    /// SHA-256 digest of all weights as hexadecimal digits.
     pub weights_sha256: String,
 }
 
@@ -127,8 +127,8 @@ impl Run {
         Self { folder: folder.to_path_buf(), task, robot, warnings, learner, last: None, watch }
     }
 
-    /// Starts a run of an algorithm on the task in a file, with the settings in `[algorithms]`. `steps`
-    /// overrides the total number of steps.
+    /// Starts a run of an algorithm on the task in a file. The settings come from the table `[algorithms]` of
+    /// the task. `steps` overrides the total number of steps.
     ///
     /// # Errors
     ///

@@ -1,9 +1,10 @@
-//! Tuning: a black-box search for parameters of a system, in a folder, on several threads.
+//! Tuning: a black-box search for parameters of a system. A tuning is stored in a folder and runs on several
+//! threads.
 //!
 //! A [`Tuning`] proposes values of [`Parameter`]s, and a [`Subject`] evaluates them, for example with a graph
 //! in an inline session. Every evaluation is a line of a table and is followed by a checkpoint, so an
 //! interrupted tuning continues where it stopped. If the evaluations are reproducible, parameters and rewards
-//! are bit-for-bit reproducible on any number of threads, also after a resume.
+//! are bit-for-bit reproducible on any number of threads, even if the tuning is interrupted and resumed.
 //!
 //! On a robot, [`Tuning::attend`] runs one episode at a time. An [`Operator`] permits each episode and judges
 //! its result.
@@ -58,7 +59,7 @@ pub enum Method {
     /// Bayesian optimisation with a Gaussian process and expected improvement, for few, expensive
     /// evaluations.
     Bayesian,
-    /// Independent, uniformly distributed candidates, as a baseline.
+    /// Random search: independent, uniformly distributed candidates. Serves as a baseline.
     Random,
 }
 

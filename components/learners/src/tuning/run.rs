@@ -187,8 +187,8 @@ pub struct Summary {
     pub outcomes: BTreeMap<Outcome, u64>,
     /// Best values of the parameters and their reward; `None` if every evaluation failed.
     pub best: Option<(Vec<f64>, f64)>,
-    /// SHA-256 digest of the table of evaluations, in hexadecimal. Tables with equal parameters, rewards and
-    /// outcomes have equal digests.
+    /// SHA-256 digest of the table of evaluations as hexadecimal digits. Tables with equal parameters,
+    /// rewards and outcomes have equal digests.
     pub table_sha256: String,
 }
 

@@ -14,8 +14,8 @@
 //! The **prior** on the latent points is flat, standard normal (the default), or a Gaussian process from each
 //! point to the next point of its movement.
 //!
-//! **Transfer** adds a robot to a trained model: `X` and all other spaces stay fixed, and only the robot's
-//! `q + 2` hyperparameters are fitted, from three starts.
+//! **Transfer** adds a robot to a trained model: `X` and all other spaces stay fixed, and only the robot's `q
+//! + 2` hyperparameters are fitted. The fit tries three starts.
 //!
 //! References: Lawrence, *Probabilistic non-linear principal component analysis with Gaussian process latent
 //! variable models*, JMLR 6, 2005; Lawrence, Quinonero-Candela, *Local distance preservation in the GP-LVM

@@ -71,7 +71,8 @@ impl Regression {
         &self.outputs
     }
 
-    /// Returns the outputs for a sequence of inputs, both stored row by row.
+    /// Returns the outputs for a sequence of inputs. Inputs and outputs are stored row by row, one row per
+    /// step.
     ///
     /// # Errors
     /// [`HmmError`] if the sequence is invalid or impossible.
@@ -163,7 +164,8 @@ impl Tracker {
         Ok(Self { dimensions: d, dt, steps })
     }
 
-    /// Returns the movement that starts at rest at the position `start`, with one row per state of the path.
+    /// Returns the movement that starts at rest at the position `start`. The movement has one row per state
+    /// of the path.
     ///
     /// # Errors
     /// [`HmmError`] if the position has the wrong number of columns.

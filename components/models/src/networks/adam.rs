@@ -8,7 +8,7 @@ const EPSILON: f32 = 1e-8;
 /// Decay of the first and of the second moment.
 const BETA: [f32; 2] = [0.9, 0.999];
 
-/// State of the Adam optimiser for all parameters of a network, in the order of the parameters.
+/// State of the Adam optimiser for all parameters of a network.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Adam {
     first: Vec<Vec<f32>>,

@@ -82,7 +82,7 @@ impl ConvolutionalNetwork {
         self.layers.iter().map(|layer| layer.weights.len() + layer.bias.len()).sum()
     }
 
-    /// Computes the outputs for images, one image per column.
+    /// Computes the outputs for images. Each column is an image.
     pub fn forward(&self, pictures: &DMatrix<f32>) -> DMatrix<f32> {
         self.trace(pictures).out
     }

@@ -152,7 +152,7 @@ impl PerceptronTrace {
         self.values[0].as_mut_slice()
     }
 
-    /// Returns the network output, one sample per column.
+    /// Returns the network output. Each column is a sample.
     pub fn output(&self) -> &DMatrix<f32> {
         &self.values[self.values.len() - 1]
     }
@@ -268,7 +268,7 @@ impl Perceptron {
         self.propagate(values, gradients, Some(parameters));
     }
 
-    /// Returns the gradient of a loss with respect to the inputs, one sample per column. `output` is the
+    /// Returns the gradient of a loss with respect to the inputs. Each column is a sample. `output` is the
     /// gradient with respect to the outputs.
     pub fn input_gradients(&self, trace: &PerceptronTrace, output: DMatrix<f32>) -> DMatrix<f32> {
         let mut gradients = vec![output];

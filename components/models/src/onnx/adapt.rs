@@ -41,7 +41,7 @@ pub struct Part {
 }
 
 impl Part {
-    /// Creates a part for the input named `input`, without values.
+    /// Creates a part for the input named `input`. The part has no values yet.
     pub fn new(input: &str) -> Self {
         Self { input: input.to_owned(), ..Self::default() }
     }

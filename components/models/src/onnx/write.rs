@@ -214,8 +214,8 @@ pub struct GruLayer {
     pub bias: Vec<f32>,
 }
 
-/// Returns the bytes of an ONNX file with a GRU followed by dense layers, one step per run. Inputs are `obs`
-/// (rows, inputs) and `h_in` (1, rows, hidden), outputs are `actions` and `h_out`.
+/// Returns the bytes of an ONNX file with a GRU followed by dense layers. Each run of the network computes
+/// one step. Inputs are `obs` (rows, inputs) and `h_in` (1, rows, hidden), outputs are `actions` and `h_out`.
 pub fn write_gru(
     gru: &GruLayer,
     layers: &[(Vec<f32>, Vec<f32>)],

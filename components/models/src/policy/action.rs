@@ -134,7 +134,7 @@ impl Action {
         Ok(())
     }
 
-    /// Creates the mapping from actions to the joints of a robot, in the robot's order. Joints that the
+    /// Creates the mapping from actions to joint targets of a robot with the joints `robot`. Joints that the
     /// policy does not command are unaffected; a base twist commands no joints.
     ///
     /// # Errors

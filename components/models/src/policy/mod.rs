@@ -66,7 +66,7 @@ pub struct Policy {
     pub network: String,
     /// Rate at which the policy was trained \[Hz\], more than 0.
     pub rate: f64,
-    /// Robot for which the policy was trained, as listed by `motorium robot list`.
+    /// Name of the robot for which the policy was trained. `motorium robot list` lists the names.
     pub robot: Option<String>,
     /// Initial values of each recurrent state at the start of an episode, in the order of the network's
     /// inputs after the observation. Default: zeros.
@@ -411,7 +411,7 @@ impl Policy {
         })
     }
 
-    /// Creates the mapping from actions to the joints of a robot, in the robot's order. Joints that the
+    /// Creates the mapping from actions to joint targets of a robot with the joints `robot`. Joints that the
     /// policy does not command are unaffected; a base twist commands no joints.
     ///
     /// # Errors

@@ -91,7 +91,7 @@ pub struct JointSpaceIntegrator {
 }
 
 impl JointSpaceIntegrator {
-    /// Creates an integrator for `model` with the passive properties `joints`, one per independent joint.
+    /// Creates an integrator for `model`. `joints` contains the passive properties of each independent joint.
     pub fn new(model: &Model, joints: Vec<JointProperties>) -> Self {
         assert_eq!(joints.len(), model.joint_count(), "one set of properties per independent joint");
         let n = model.nv();

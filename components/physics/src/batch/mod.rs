@@ -212,8 +212,8 @@ impl<E: Engine + Send, W: Send> Batch<E, W> {
         &mut self.data
     }
 
-    /// Returns the commands of all drives of all worlds for modification, one world after the other. Commands
-    /// persist until changed.
+    /// Returns the commands of all drives of all worlds for modification, world by world. Commands persist
+    /// until changed.
     pub fn commands_mut(&mut self) -> &mut [JointSetpoint] {
         &mut self.commands
     }
@@ -238,7 +238,7 @@ impl<E: Engine + Send, W: Send> Batch<E, W> {
         &self.velocities[world * self.nv..][..self.nv]
     }
 
-    /// Returns the [observations](Self::observing) of all worlds, one after the other; empty if nothing is
+    /// Returns the [observations](Self::observing) of all worlds, world by world; empty if nothing is
     /// observed.
     pub fn observations(&self) -> &[f64] {
         &self.observations

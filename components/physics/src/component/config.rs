@@ -24,12 +24,12 @@ use crate::{BuildError, Connection, Options, RobotSetup, Simulator, World};
 #[derive(Clone, Debug, Default, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct PhysicsConfig {
-    /// Named initial pose, from the robot's profile or its SRDF. Default without `position`: the home pose.
-    /// In a robot without a profile, each joint starts at zero, or at the middle of its range if the range
-    /// excludes zero.
+    /// Name of the initial pose, which is defined in the robot's profile or in its SRDF. Default without
+    /// `position`: the home pose. In a robot without a profile, each joint starts at zero, or at the middle
+    /// of its range if the range excludes zero.
     pub pose: Option<String>,
-    /// Initial joint positions, rad or m: one number for all joints, or one per joint in order. Excludes
-    /// `pose`.
+    /// Initial joint positions, rad or m: one number for all joints, or one number per joint in the order of
+    /// the joints. Excludes `pose`.
     pub position: Option<PerJoint>,
     /// `true` if the root link moves freely, `false` if it is fixed to the world. Default: according to the
     /// robot's profile and file. `physics.rapier` supports fixed bases only.
@@ -45,18 +45,18 @@ pub struct PhysicsConfig {
     pub pushes: Vec<PushConfig>,
     /// Actuator model of all joints, only in `physics.articulated`. Default: ideal actuators.
     pub actuator: Option<ActuatorConfig>,
-    /// Actuator models of single joints by joint name, replacing `actuator`. With several robots, the name of
-    /// a joint is `ROBOT/JOINT`.
+    /// Actuator models of single joints by joint name, which replace `actuator`. With several robots, the
+    /// name of a joint is `ROBOT/JOINT`.
     pub actuators: BTreeMap<String, ActuatorConfig>,
     /// Connections between links and objects in addition to the joints of the robots. Connections can close
     /// kinematic loops. They hold the relative poses that the parts have at the start. With several robots,
     /// the name of a link is `ROBOT/LINK`.
     pub connections: Vec<Connection>,
-    /// Springs in joints by joint name, replacing the springs of an MJCF file. With several robots, the name
-    /// of a joint is `ROBOT/JOINT`.
+    /// Springs in joints by joint name, which replace the springs of an MJCF file. With several robots, the
+    /// name of a joint is `ROBOT/JOINT`.
     pub springs: BTreeMap<String, SpringConfig>,
-    /// Surfaces of single links by link name, replacing the surfaces of `solver` and of the profile. With
-    /// several robots, the name of a link is `ROBOT/LINK`.
+    /// Surfaces of single links by link name, which replace the surfaces that `solver` and the profile
+    /// define. With several robots, the name of a link is `ROBOT/LINK`.
     pub surfaces: BTreeMap<String, SurfaceConfig>,
     /// Ranges of physical properties, sampled at the start of every episode. Default: nothing is sampled.
     pub randomise: RandomiseConfig,

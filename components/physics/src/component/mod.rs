@@ -252,7 +252,7 @@ impl Totals {
     }
 }
 
-/// Returns the component kinds of this crate, for a program that hosts them.
+/// Returns the component kinds of this crate, which a host program registers.
 ///
 /// ```
 /// let names: Vec<_> = motorium_physics::kinds().iter().map(|kind| kind.name).collect();

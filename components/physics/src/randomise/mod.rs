@@ -28,7 +28,7 @@ pub use start::Start;
 
 use crate::{Engine, Properties, Simulation, Simulator};
 
-/// Generates samples of physical properties. Equal seeds produce equal values, in a graph and in a batch.
+/// Generates samples of physical properties. A seed produces the same values in a graph and in a batch.
 ///
 /// ```
 /// use std::path::Path;

@@ -38,13 +38,13 @@ pub enum Property {
     EffortLimit,
     /// Displacement of a joint's initial position, rad or m.
     Start,
-    /// Initial displacement of a floating base along x of the world, m.
+    /// Initial displacement of a floating base along the world's x axis, m.
     BaseX,
-    /// Initial displacement of a floating base along y of the world, m.
+    /// Initial displacement of a floating base along the world's y axis, m.
     BaseY,
-    /// Initial displacement of a floating base along z of the world, m.
+    /// Initial displacement of a floating base along the world's z axis, m.
     BaseZ,
-    /// Initial rotation of a floating base about z of the world, rad.
+    /// Initial rotation of a floating base about the world's z axis, rad.
     BaseYaw,
     /// Scale of the mass and inertia of an object.
     ObjectMass,
@@ -52,13 +52,13 @@ pub enum Property {
     ObjectFriction,
     /// Restitution of an object.
     ObjectRestitution,
-    /// Initial displacement of an object along x of the world, m.
+    /// Initial displacement of an object along the world's x axis, m.
     ObjectX,
-    /// Initial displacement of an object along y of the world, m.
+    /// Initial displacement of an object along the world's y axis, m.
     ObjectY,
-    /// Initial displacement of an object along z of the world, m.
+    /// Initial displacement of an object along the world's z axis, m.
     ObjectZ,
-    /// Initial rotation of an object about z of the world, rad.
+    /// Initial rotation of an object about the world's z axis, rad.
     ObjectYaw,
     /// Scale of the stiffness and damping commanded to a drive.
     ActuatorGain,

@@ -189,7 +189,7 @@ impl<B: AsRef<[u8]>> MessageLog<B> {
         &self.channels
     }
 
-    /// Returns a list of the channels with their encodings and schemas, for error messages.
+    /// Returns a text for error messages that lists the channels with their encodings and schemas.
     pub fn described(&self) -> String {
         let known: Vec<String> = self.channels.iter().map(ToString::to_string).collect();
         known.join(", ")

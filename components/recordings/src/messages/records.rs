@@ -14,7 +14,7 @@ pub struct Damage {
     pub chunks: Vec<(u64, u64)>,
     /// Names of corrupted attachments.
     pub attachments: Vec<String>,
-    /// Reasons why chunks are unreadable, one per chunk.
+    /// For each unreadable chunk, the reason why it is unreadable.
     pub unreadable: Vec<String>,
     /// Number of bytes that are not part of any record.
     pub skipped: u64,

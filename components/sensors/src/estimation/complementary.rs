@@ -53,7 +53,7 @@ impl ComplementaryFilter {
         self
     }
 
-    /// Restarts from an attitude with zero bias.
+    /// Restarts from an attitude, with a bias of zero.
     pub fn reset(&mut self, attitude: UnitQuaternion<f64>) {
         (self.attitude, self.bias) = (attitude, Vector3::zeros());
     }

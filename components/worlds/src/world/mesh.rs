@@ -47,7 +47,7 @@ pub struct MeshShape {
     /// Collision shape. Default: the convex hull.
     #[serde(default)]
     pub collision: MeshCollision,
-    /// Another mesh file for drawing, with the same scale. Default: `file`.
+    /// Mesh file for drawing, if it differs from `file`. The same `scale` applies. Default: `file`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("format" = "path"))]
     pub visual: Option<PathBuf>,

@@ -61,7 +61,7 @@ pub struct ObjectMass {
     pub moments: Vector3<f64>,
 }
 
-/// One shape of a compound object, at a pose in the object.
+/// One shape of a compound object, and its pose in the object.
 ///
 /// ```
 /// use motorium_worlds::Object;

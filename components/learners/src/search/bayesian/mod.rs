@@ -154,7 +154,7 @@ impl core::fmt::Debug for BayesianOptimisation {
 }
 
 impl BayesianOptimisation {
-    /// Creates a search within bounds, with one pair of bounds per parameter.
+    /// Creates a search within bounds. There is one pair of bounds per parameter.
     ///
     /// # Errors
     ///

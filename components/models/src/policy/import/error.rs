@@ -214,14 +214,15 @@ fn known() -> String {
 pub struct ImportOptions {
     /// Rate of the policy \[Hz\].
     pub rate: f64,
-    /// Number of steps of history of each term; `None` means the number in the file, or 1.
+    /// Number of steps of history of each term; `None` means the number in the file, or 1 if the file
+    /// contains no number.
     pub history: Option<usize>,
     /// Robot for which the policy was trained.
     pub robot: Option<String>,
     /// Number of points of the height scan along x and y; `None` means 17 x 11 for 187 points, the grid of
     /// mjlab's velocity tasks.
     pub height_points: Option<[usize; 2]>,
-    /// Factor of the height scan, for a file without factors.
+    /// Factor of the height scan, if the file contains no factors.
     pub height_scale: Option<f64>,
     /// Offset subtracted from the height of the sensor above the surface \[m\]; `None` means 0, as in mjlab.
     pub height_offset: Option<f64>,

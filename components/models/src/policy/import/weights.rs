@@ -36,8 +36,8 @@ struct Normaliser {
     epsilon: f64,
 }
 
-/// Creates a policy and its network, as an ONNX file, from weights and a table. The table is a `policy.toml`
-/// without `network` and with an additional table `weights`:
+/// Creates a policy from weights and a table. Returns the policy and the bytes of its network as an ONNX
+/// file. The table is a `policy.toml` without `network` and with an additional table `weights`:
 ///
 /// ```toml
 /// [weights]

@@ -34,7 +34,7 @@ pub trait PlaceSensor: Sized + 'static {
 
     /// Returns the mount of the sensor.
     fn mount(config: &Self::Config) -> &Mount;
-    /// Creates the sensor from a seed, with the errors of an episode.
+    /// Creates the sensor with the errors `draw` of an episode. The seed determines the noise.
     ///
     /// # Errors
     /// A number is out of range.

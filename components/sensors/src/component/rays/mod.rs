@@ -47,7 +47,7 @@ pub trait RangeSensor: Sized + 'static {
     /// Output ports of the sensor.
     type Outputs;
 
-    /// Creates the sensor from a seed, with the errors of an episode.
+    /// Creates the sensor with the errors `draw` of an episode. The seed determines the noise.
     ///
     /// # Errors
     /// A number is out of range.

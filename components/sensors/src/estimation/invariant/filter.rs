@@ -119,7 +119,7 @@ impl InvariantFilter {
         filter
     }
 
-    /// Restarts from a state with standard deviations, with all feet in the air.
+    /// Restarts from a state with the given standard deviations. All feet are then in the air.
     pub fn start(&mut self, state: &FilterState, deviations: &StartDeviations) {
         self.state = *state;
         self.feet.fill(None);
@@ -145,8 +145,8 @@ impl InvariantFilter {
         }
     }
 
-    /// Propagates the state by `dt` \[s\] with the mean angular velocity \[rad/s\] and specific force
-    /// \[m/s2\] over that time, in sensor axes.
+    /// Propagates the state by `dt` \[s\]. The arguments are the mean angular velocity \[rad/s\] and the mean
+    /// specific force \[m/s2\] over that time, in sensor axes.
     pub fn propagate(&mut self, angular_velocity: &Vector3<f64>, specific_force: &Vector3<f64>, dt: f64) {
         let before = self.state;
         self.propagate_covariance(dt);
