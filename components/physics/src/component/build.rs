@@ -64,7 +64,7 @@ pub(super) fn build<E: PhysicsEngine>(
     let doubts = located.iter().map(|warning| format!("world: {warning}")).collect();
     let built = match (robot, robots) {
         (Some(robot), _) => one(&config, (robot, follows[0]), folder),
-        (None, []) => Err(ConfigError::new("the component names no robot, but it simulates one")
+        (None, []) => Err(ConfigError::new("the component simulates a robot, but names no robot")
             .advise("add `robot = \"NAME\"`, or `robots = [\"ONE\", \"OTHER\"]`")),
         (None, robots) => several(&config, (robots, follows), folder),
     };
