@@ -1,7 +1,8 @@
 //! Minimisation of smooth functions by L-BFGS.
 //!
-//! Two-loop recursion over the last 10 steps and a line search for the strong Wolfe conditions. References:
-//! Nocedal, Wright, *Numerical Optimization*, 2nd ed., algorithms 7.4, 3.5 and 3.6.
+//! Each step uses the two-loop recursion over the previous steps (10 by default) and a line search for the
+//! strong Wolfe conditions. References: Nocedal, Wright, *Numerical Optimization*, 2nd ed., algorithms 7.4,
+//! 3.5 and 3.6.
 
 use std::collections::VecDeque;
 

@@ -25,8 +25,8 @@ pub struct RobotSetup {
     pub collision_rules: Srdf,
     /// Friction coefficients by link name, for links that differ from the default surface.
     pub friction: BTreeMap<String, f64>,
-    /// Rules by link name; a rule combines the coefficients of friction of the link and of the surface it
-    /// touches.
+    /// Friction rules by link name. A rule combines the friction coefficients of the link and of a surface
+    /// that touches the link.
     pub friction_combine: BTreeMap<String, FrictionCombine>,
     /// Restitutions by link name, 0 to 1, for links that differ from the default surface.
     pub restitution: BTreeMap<String, f64>,

@@ -179,9 +179,9 @@ pub trait Engine: Sized {
 
 /// A simulation of robots in a world with an engine `E`.
 ///
-/// Create a simulation by its aliases [`ArticulatedSimulator`](crate::ArticulatedSimulator),
-/// [`RapierSimulator`](crate::RapierSimulator) and [`MujocoSimulator`](crate::MujocoSimulator), and use it by
-/// the trait [`Simulator`].
+/// Create a simulation through its aliases [`ArticulatedSimulator`](crate::ArticulatedSimulator),
+/// [`RapierSimulator`](crate::RapierSimulator) and [`MujocoSimulator`](crate::MujocoSimulator), and use it
+/// through the trait [`Simulator`].
 pub struct Simulation<E> {
     pub(crate) robot: Robot,
     pub(crate) engine: E,
@@ -191,7 +191,7 @@ pub struct Simulation<E> {
 }
 
 impl<E: Engine> Simulation<E> {
-    /// Creates a simulation of `robot` in `world`, at rest at `q` (nq \[rad or m\]).
+    /// Creates a simulation of `robot` in `world`. The robot starts at rest at the configuration `q` (nq).
     ///
     /// # Errors
     ///
@@ -252,8 +252,8 @@ impl<E: Engine> Simulation<E> {
         Ok(simulation)
     }
 
-    /// Returns one entry per drive: true if the acceleration limit of its setpoint changed its effort in the
-    /// last step ([`max_acceleration`](JointSetpoint::max_acceleration)).
+    /// Returns one entry per drive, which is `true` if the acceleration limit of the drive's setpoint changed
+    /// the effort in the last step ([`max_acceleration`](JointSetpoint::max_acceleration)).
     pub fn restrained(&self) -> &[bool] {
         &self.robot.state.restrained
     }

@@ -84,8 +84,8 @@ pub struct StepReport {
     /// Number of joints above their velocity limit. The simulation counts these joints, but does not slow
     /// them down.
     pub overspeed: usize,
-    /// `true` if a contact of a robot was close enough for the contact solver to act on it. Always true with
-    /// rapier.
+    /// `true` if a contact of a robot was close enough for the contact solver to act on it. Always `true`
+    /// with the rapier engine.
     pub near_contact: bool,
 }
 
@@ -190,8 +190,8 @@ pub trait Simulator {
     /// drives of a placed articulation apply no effort.
     ///
     /// After a discontinuity, or in a step without a new placement, `v` may differ from the mean velocity of
-    /// the step. If the difference exceeds half of the norm, the links arrive at `q` along `v`, so that the
-    /// discontinuity does not throw objects away.
+    /// the step. If the difference exceeds half of the norm of `v`, the links arrive at `q` along `v`, so
+    /// that the discontinuity does not throw objects away.
     ///
     /// # Errors
     ///

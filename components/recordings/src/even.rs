@@ -15,9 +15,9 @@ const FEWEST_PERIODS: f64 = 0.1;
 const UNEVENNESS: f64 = 0.01;
 
 impl Recording {
-    /// Returns the recording as the same number of evenly spaced samples, in a matrix (samples x channels).
-    /// If all times are even to 1 % of a step, the values are returned unchanged. Otherwise they are
-    /// interpolated as by [`evenly`](Self::evenly).
+    /// Returns a matrix (samples x channels) with the same number of samples, evenly spaced in time. If all
+    /// times are even to 1 % of a step, the values are returned unchanged. Otherwise they are interpolated as
+    /// by [`evenly`](Self::evenly).
     pub fn evenly_spaced(&self) -> DMatrix<f64> {
         let step = self.duration() / (self.samples() - 1) as f64;
         let is_even = self

@@ -16,16 +16,16 @@
 //! **MCAP.** Each message provides the array of numbers in its field `position` or [`Selection::field`]. The
 //! strings in a field `name` next to the array are the names of the channels. A list of tables, such as the
 //! joints of `foxglove.JointStates`, provides one number for each table. The channel is [`Selection::topic`].
-//! By default it is the only channel with such numbers, or the only one with joint states. Times are log
-//! times.
+//! By default, the channel is the only channel with such numbers or, if there are several, the only channel
+//! with joint states. Times are log times.
 //!
 //! **Recordings in JSON.** A recording is an object with an array of numbers for each channel, or with
 //! `positions` (an array of samples) and `names`. `label` or `letter` is the kind of movement, and `id` or
-//! `demo` is the name of the recording. `duration` (s) or `rate` (Hz) defines its timing. Arrays that are all
-//! named `v` plus a letter or a number (`vx`, `vy`) are velocities and are integrated.
+//! `demo` is the name of the recording. `duration` (s) or `rate` (Hz) defines the timing of the samples.
+//! Arrays that are all named `v` plus a letter or a number (`vx`, `vy`) are velocities and are integrated.
 //!
 //! **Time.** A column, field or array `time_s`, `time`, `t`, `timestamp`, `__time`, `log_time` or `%time`
-//! contains the time of a sample; `dt_s`, `dt` or `frame_dt` contains the time until the next one, s.
+//! contains the time of a sample; `dt_s`, `dt` or `frame_dt` contains the time until the next sample, s.
 //! Otherwise samples are evenly spaced at [`Selection::rate`].
 //!
 //! **Units of time.** The names `time_s`, `time_ms`, `time_us` and `time_ns` state the unit, and so do names

@@ -1,4 +1,5 @@
-//! Retargeting: finds joint positions at which a robot's limbs point in the same directions as a human's.
+//! Retargeting: finds joint positions at which a robot's limbs point in the same directions as the limbs of a
+//! human.
 //!
 //! Each sample is a damped least-squares problem on the directions of the limbs, within the position limits.
 //! The solution starts from the joint positions of the previous sample and stays close to them: `min over q

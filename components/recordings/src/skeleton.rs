@@ -67,7 +67,7 @@ impl Skeleton {
         self.joints.iter().map(|joint| joint.name.as_str())
     }
 
-    /// Returns the names of the channels, in the order of the skeleton's channels.
+    /// Returns the names of the channels in order.
     pub fn channels(&self) -> &[String] {
         &self.channels
     }

@@ -110,7 +110,7 @@ impl Softness {
 }
 
 /// Direction-dependent friction, for example of a skate, a ski or corduroy. The grain's coefficient applies
-/// along `direction`, the surface's coefficient across it.
+/// along `direction`, and the surface's coefficient applies across `direction`.
 ///
 /// The maximum friction forces in all directions form an ellipse, and the friction force on a sliding body
 /// dissipates as much energy as possible.

@@ -86,7 +86,8 @@ pub enum BodyError {
     Spring(#[from] SpringError),
 }
 
-/// Motion libraries of a full body, of its parts, and of the merged parts. All use the force metric.
+/// Motion libraries of a full body, of its parts, and of the merged parts. All libraries use the force
+/// metric.
 #[derive(Clone, Debug)]
 pub struct Body {
     /// Library of all degrees of freedom, built from recordings.

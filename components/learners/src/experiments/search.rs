@@ -35,8 +35,8 @@ impl Goal {
     }
 }
 
-/// Initial exploration of kernel weights. A library provides the variance of each of its weights; the kernels
-/// share the same total.
+/// Initial exploration of kernel weights. A library provides the variance of each of its weights. The
+/// variances of the kernels have the same sum.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum KernelPrior {
     /// Each kernel contributes equally to the squared force of the movements.
@@ -47,7 +47,7 @@ pub enum KernelPrior {
     Fitted,
 }
 
-/// Basis functions of a search, with the variance with which each weight is explored.
+/// Basis functions of a search, and the variance with which the weight of each function is explored.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SearchSpace {
     /// Basis functions, forces x weights.

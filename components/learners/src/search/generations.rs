@@ -111,9 +111,9 @@ impl<D: Distribution> Generations<D> {
         })
     }
 
-    /// Allows `count` generations to be open simultaneously, at least 1, so that no worker waits for the last
-    /// reward of a generation. The default of 1 is the exact method. With a larger count, later generations
-    /// are sampled from a distribution that is `count - 1` updates old.
+    /// Allows `count` generations (at least 1) to be open simultaneously, so that no worker waits for the
+    /// last reward of a generation. The default of 1 is the exact method. With a larger count, later
+    /// generations are sampled from a distribution that is `count - 1` updates old.
     #[must_use]
     pub fn with_open_generations(mut self, count: usize) -> Self {
         self.ahead = count.max(1);

@@ -1,4 +1,5 @@
-//! Commands of a task: desired velocities of a base or positions of a target, sampled in time.
+//! Commands of a task: desired velocities of a base or positions of a target, which change at regular
+//! intervals.
 
 use rand::RngExt as _;
 use serde::Deserialize;

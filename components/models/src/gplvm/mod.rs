@@ -1,10 +1,9 @@
 //! Latent spaces shared by a human and any number of robots (shared Gaussian process latent variable models).
 //!
 //! Each space `i`, a set of poses `Y_i` with `N` rows, is a Gaussian process of a common latent matrix `X`
-//! with `N` rows and `q` columns: `E_i = (D_i N ln 2 pi + D_i ln |K_i| + tr K_i^-1 Y_i Y_i^T) / 2`, with an
-//! RBF kernel with one length scale for each latent dimension and noise. Training minimises
-//! `sum_i E_i + |X|^2 / 2` by L-BFGS with analytic gradients, starting from the principal components of the
-//! first space.
+//! with `N` rows and `q` columns: `E_i = (D_i N ln 2 pi + D_i ln |K_i| + tr K_i^-1 Y_i Y_i^T) / 2`, with
+//! noise and an RBF kernel that has one length scale for each latent dimension. Training minimises `sum_i E_i
+//! + |X|^2 / 2` by L-BFGS with analytic gradients, starting from the principal components of the first space.
 //!
 //! **Back constraints** make the latent point a function of one space's pose: the standardised pose itself
 //! (the default), a kernel regression, or a network with one hidden layer. A new pose then maps directly to a

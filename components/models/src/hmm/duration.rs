@@ -7,9 +7,9 @@ use super::{Hmm, HmmError, check_distribution};
 ///
 /// `P(d | s)` is a table for each state, from 1 observation to a maximum duration; the remaining probability
 /// belongs to longer durations. States are entered by the transitions of the underlying model, without
-/// self-transitions. The last state of a sequence may be truncated; its probability is the probability of at
-/// least its observed duration. Reference: Yu, *Hidden semi-Markov models*, Artificial Intelligence 174,
-/// 2010.
+/// self-transitions. The end of a sequence may truncate the last state. The probability of this state is the
+/// probability that it lasts at least as long as observed. Reference: Yu, *Hidden semi-Markov models*,
+/// Artificial Intelligence 174, 2010.
 #[derive(Clone, Debug)]
 pub struct Hsmm {
     model: Hmm,

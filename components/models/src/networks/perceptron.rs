@@ -145,7 +145,7 @@ pub struct PerceptronTrace {
 
 impl PerceptronTrace {
     /// Returns a buffer for the network input: `samples` columns, each with the `inputs` numbers of a sample.
-    /// The caller must overwrite all of it.
+    /// The caller must overwrite the whole buffer.
     pub fn input_mut(&mut self, inputs: usize, samples: usize) -> &mut [f32] {
         self.values.resize_with(self.values.len().max(1), DMatrix::default);
         resize(&mut self.values[0], inputs, samples);

@@ -27,9 +27,9 @@ pub struct Adapter {
 pub struct Part {
     /// Name of the input.
     pub input: String,
-    /// For each value of the input, the index of the value in the observation from which it is computed. With
-    /// `orientation`, the indices of the three components of the direction of gravity. The list is empty for
-    /// a constant input, whose values are `add`.
+    /// For each value of the input, the index of its source in the observation. With `orientation`, the
+    /// indices of the three components of the direction of gravity. The list is empty for a constant input,
+    /// whose values are `add`.
     pub picks: Vec<usize>,
     /// Factors of the values; empty means 1.
     pub scale: Vec<f32>,

@@ -226,8 +226,8 @@ pub fn write_gru(
 }
 
 /// Returns the bytes of an ONNX file with a GRU followed by a discrete choice: the output `actions` is the
-/// row of `table` with the largest output of the dense layers, the first row in a tie. The inputs and the
-/// recurrent state are as for [`write_gru`].
+/// row of `table` that corresponds to the largest output of the dense layers; the first row wins a tie. The
+/// inputs and the recurrent state are as for [`write_gru`].
 ///
 /// # Panics
 ///

@@ -1,4 +1,5 @@
-//! Loading and placement of several robots of one component, and the shared articulation of the fixed ones.
+//! Loading and placement of several robots of one component, and the shared articulation of robots with fixed
+//! bases.
 
 use std::collections::BTreeMap;
 

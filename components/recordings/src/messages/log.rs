@@ -76,7 +76,7 @@ pub enum LogError {
         /// The reason.
         reason: String,
     },
-    /// The channel of a movement cannot be selected, because no channel or more than one has numbers in the
+    /// The channel of a movement cannot be selected, because not exactly one channel has numbers in the
     /// field.
     #[error("{}", choice(.field, .found, .known))]
     Choice {
@@ -237,7 +237,8 @@ impl<B: AsRef<[u8]>> MessageLog<B> {
         self.times
     }
 
-    /// Returns descriptions of the file's faults: a missing end or damage. Empty for an intact file.
+    /// Returns descriptions of the file's faults: a missing end or damage. The list is empty for an intact
+    /// file.
     pub fn faults(&self) -> Vec<String> {
         self.damage.faults(self.is_whole, self.times.map_or(0, |(first, _)| first))
     }

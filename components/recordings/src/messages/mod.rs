@@ -9,9 +9,9 @@
 //! | `json` | any, or none |
 //! | `protobuf` | `protobuf` |
 //!
-//! For a channel with an unsupported encoding or schema format, the decoder is the [reason](Unsupported).
-//! Chunks may be uncompressed or compressed with lz4 or zstd. Damaged files are read as far as possible
-//! ([`Records`]).
+//! A channel with an unsupported encoding or schema format has the [reason](Unsupported) in place of a
+//! decoder. Chunks may be uncompressed or compressed with lz4 or zstd. Damaged files are read as far as
+//! possible ([`Records`]).
 
 mod cdr;
 mod chunks;

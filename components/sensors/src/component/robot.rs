@@ -1,4 +1,4 @@
-//! The robot of a component, and the motion of a sensor mount on it.
+//! The robot of a component, and the motion of a sensor mount on the robot.
 
 use motorium::prelude::*;
 use motorium_robots::{

@@ -10,7 +10,7 @@ use crate::{FrictionCombine, Grain, Softness};
 
 /// A horizontal plane, solid below.
 ///
-/// A treadmill that runs backwards under a robot:
+/// The following ground is a treadmill that runs backwards under a robot:
 ///
 /// ```
 /// use motorium_worlds::World;
@@ -165,7 +165,7 @@ pub struct Object {
     pub copies: Option<Copies>,
 }
 
-/// Copies of an object in rows, columns and layers along its own axes.
+/// Copies of an object in rows, columns and layers along the object's own axes.
 ///
 /// ```
 /// use motorium_worlds::World;

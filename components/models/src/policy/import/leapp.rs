@@ -58,8 +58,8 @@ pub struct Bundle {
     pub models: Vec<BundleModel>,
     /// Position of `pipeline` in the file.
     pub pipeline: Mark,
-    /// Outputs that are fed back to inputs for the next run: the name of each output, as `model/output`, with
-    /// the names of the inputs.
+    /// Outputs that are fed back to inputs for the next run. Each entry contains the name of an output, such
+    /// as `model/output`, and the names of the inputs.
     pub feedback: Vec<(String, Vec<String>)>,
     /// Path of the file with the initial values of the inputs in `feedback`.
     pub initial_values: Option<String>,

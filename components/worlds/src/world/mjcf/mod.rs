@@ -65,7 +65,8 @@ const ON_FREE_JOINTS: [(&str, &str); 5] = [
 /// Sections of robots.
 const OF_ROBOTS: [&str; 3] = ["tendon", "actuator", "keyframe"];
 
-/// Reads MJCF `text` as a world. `file` is its path, which is used in messages and to find meshes next to it.
+/// Reads MJCF `text` as a world. `file` is the path of the text, which is used in messages and to find meshes
+/// in the same folder.
 ///
 /// Geoms of immovable bodies, including height fields, become fixed objects, and a level plane becomes the
 /// ground. A body with a free joint becomes a moving object of one or more shapes, with the masses of its
