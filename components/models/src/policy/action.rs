@@ -92,8 +92,7 @@ impl Action {
                     ("kd", kd.is_some()),
                 ] {
                     if is_given {
-                        let message =
-                            "found a value, expected none for a base twist, whose ranges are in `twist`";
+                        let message = "found a value, expected no value, because `twist` has the ranges of a base twist";
                         return wrong(key, message.to_owned());
                     }
                 }

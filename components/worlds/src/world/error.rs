@@ -52,7 +52,8 @@ pub enum WorldError {
     },
     /// A moving object uses triangle collision.
     #[error(
-        "{name}: it moves, so it cannot collide with its triangles; cut it into convex parts, such as collision = {{ parts = 16 }}, or \
+        "{name}: a moving object cannot collide with its triangles; cut the mesh into convex parts, such as \
+         collision = {{ parts = 16 }}, or \
          remove `mass` and `density`"
     )]
     MovingTriangles {

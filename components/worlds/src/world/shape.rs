@@ -326,11 +326,13 @@ pub(super) fn check_parts(owner: &str, parts: &[CompoundPart], density: bool) ->
     let stated = parts.iter().filter(|part| part.mass.is_some()).count();
     if stated != 0 && stated != parts.len() {
         return Err(wrong(
-            "some of its parts have a mass and others do not; specify it for all parts or for none",
+            "some of its parts have a mass and others do not; specify a mass for all parts or for no part",
         ));
     }
     if stated != 0 && density {
-        return Err(wrong("its parts have masses, but it also has a `density`; remove one"));
+        return Err(wrong(
+            "its parts have masses, but the object also has a `density`; remove one of the two",
+        ));
     }
     if stated != 0 && stated_mass(parts) <= Some(0.0) {
         return Err(wrong("the masses of all its parts are zero; make at least one positive"));

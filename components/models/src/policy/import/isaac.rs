@@ -455,7 +455,10 @@ fn observation(
         return wrong("modifiers", "found modifier functions, which are not supported".to_owned());
     }
     if term.history > 1 && !term.is_flat {
-        return wrong("flatten_history_dim", "found false, expected the history in a row".to_owned());
+        return wrong(
+            "flatten_history_dim",
+            "found false, expected a history that is concatenated to one row".to_owned(),
+        );
     }
     if *quantity == Term::HeightScan {
         return height_scan(term, environment);
