@@ -381,7 +381,7 @@ fn wheels<E: Engine>(
     let wheels = RobotWheels::new((&task.robot, simulation.model()), profile, &config)?;
     let kind = wheels.drive().base().kind();
     if ranges.left.is_some() && !matches!(kind, BaseKind::Mecanum | BaseKind::Planar) {
-        let expected = "no range: this base cannot move sideways";
+        let expected = "no range, because this base cannot move sideways";
         return Err(TaskError::value("action.twist.left", format!("{:?}", ranges.left), expected));
     }
     Ok(Some(wheels))

@@ -350,7 +350,10 @@ impl Policy {
         }
         let is_same = |other: &Observation| other.term == *term && other.camera == *camera;
         if self.observations[..index].iter().any(is_same) {
-            return wrong("camera", "found an image of another term, expected each image once".to_owned());
+            return wrong(
+                "camera",
+                "found an image that another term has, expected each image once".to_owned(),
+            );
         }
         match pixels {
             None => return wrong("pixels", "missing, expected columns and rows of the image".to_owned()),

@@ -197,7 +197,7 @@ fn parse(mark: Mark, pattern: &str) -> Result<Pattern, ImportError> {
     Pattern::parse(pattern).map_err(|defect| {
         mark.entry(
             pattern,
-            format!("{defect}, expected a pattern of joint names; help: write the joints out"),
+            format!("{defect}, expected a pattern of joint names; help: write out the names of the joints"),
         )
     })
 }
