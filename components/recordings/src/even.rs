@@ -32,10 +32,10 @@ impl Recording {
     /// Values are interpolated by a cubic spline and, with a `cutoff` \[Hz\], smoothed by a low-pass filter.
     ///
     /// The interpolation is a cubic Hermite spline whose slopes come from a parabola through each sample and
-    /// its neighbours. The filter is a Gaussian in time with the standard deviation `sqrt(ln 2) / (2 pi
-    /// cutoff)`, which halves the power at the cutoff frequency. The filter has no delay and no overshoot.
-    /// Beyond both ends, the recording continues as its own point reflection, so the filter does not change
-    /// the first and the last sample.
+    /// its neighbours. The filter is a Gaussian in time with the standard deviation
+    /// `sqrt(ln 2) / (2 pi cutoff)`, which halves the power at the cutoff frequency. The filter has no delay
+    /// and no overshoot. Beyond both ends, the recording continues as its own point reflection, so the filter
+    /// does not change the first and the last sample.
     ///
     /// # Errors
     /// `samples` is less than 2, the cutoff is not positive, or the period of the cutoff frequency is over

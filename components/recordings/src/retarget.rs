@@ -2,10 +2,10 @@
 //! human.
 //!
 //! Each sample is a damped least-squares problem on the directions of the limbs, within the position limits.
-//! The solution starts from the joint positions of the previous sample and stays close to them: `min over q
-//! of sum_l |u_l(q) - d_l|^2 + w |q - q_before|^2`, with the unit directions `u_l` of limb `l` of the robot
-//! and `d_l` of the human. The first sample starts from the home pose and from configurations spread over the
-//! limits.
+//! The solution starts from the joint positions of the previous sample and stays close to them:
+//! `min over q of sum_l |u_l(q) - d_l|^2 + w |q - q_before|^2`, with the unit directions `u_l` of limb `l` of
+//! the robot and `d_l` of the human. The first sample starts from the home pose and from configurations
+//! spread over the limits.
 
 use motorium_robots::{FrameId, Kinematics, Model, Reference};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};

@@ -52,9 +52,9 @@ pub struct Checker {
 
 /// Directional light, such as sunlight, and ambient light.
 ///
-/// A matt surface of colour `c` with outward normal `n` has the colour `c (ambient + (1 - ambient) max(0, -n
-/// d))` for light that travels along the unit vector `d` (Lambert's law). In a shadow, the colour is `c
-/// ambient`.
+/// A matt surface of colour `c` with outward normal `n` has the colour
+/// `c (ambient + (1 - ambient) max(0, -n d))` for light that travels along the unit vector `d` (Lambert's
+/// law). In a shadow, the colour is `c ambient`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Light {

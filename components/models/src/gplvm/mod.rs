@@ -2,8 +2,9 @@
 //!
 //! Each space `i`, a set of poses `Y_i` with `N` rows, is a Gaussian process of a common latent matrix `X`
 //! with `N` rows and `q` columns: `E_i = (D_i N ln 2 pi + D_i ln |K_i| + tr K_i^-1 Y_i Y_i^T) / 2`, with
-//! noise and an RBF kernel that has one length scale for each latent dimension. Training minimises `sum_i E_i
-//! + |X|^2 / 2` by L-BFGS with analytic gradients, starting from the principal components of the first space.
+//! noise and an RBF kernel that has one length scale for each latent dimension. Training minimises
+//! `sum_i E_i + |X|^2 / 2` by L-BFGS with analytic gradients, starting from the principal components of the
+//! first space.
 //!
 //! **Back constraints** make the latent point a function of one space's pose: the standardised pose itself
 //! (the default), a kernel regression, or a network with one hidden layer. A new pose then maps directly to a
@@ -13,8 +14,8 @@
 //! The **prior** on the latent points is flat, standard normal (the default), or a Gaussian process from each
 //! point to the next point of its movement.
 //!
-//! **Transfer** adds a robot to a trained model: `X` and all other spaces stay fixed, and only the robot's `q
-//! + 2` hyperparameters are fitted. The fit tries three starts.
+//! **Transfer** adds a robot to a trained model: `X` and all other spaces stay fixed, and only the robot's
+//! `q + 2` hyperparameters are fitted. The fit tries three starts.
 //!
 //! References: Lawrence, *Probabilistic non-linear principal component analysis with Gaussian process latent
 //! variable models*, JMLR 6, 2005; Lawrence, Quinonero-Candela, *Local distance preservation in the GP-LVM

@@ -204,8 +204,8 @@ impl ChunkPlan {
         (self.current.steps > 0).then(|| self.current.end())
     }
 
-    /// Accepts a chunk that arrives at the time `now` \[ns\], and blends into the new chunk. `target(joint,
-    /// value)` must convert a joint's value in an action to the target of the joint.
+    /// Accepts a chunk that arrives at the time `now` \[ns\], and blends into the new chunk.
+    /// `target(joint, value)` must convert a joint's value in an action to the target of the joint.
     ///
     /// # Errors
     ///

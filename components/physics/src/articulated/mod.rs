@@ -367,8 +367,8 @@ impl Articulated {
 
 impl Simulation<Articulated> {
     /// Moves the floating base of each robot vertically until the robot stands on the ground plane or the
-    /// terrain, and stops the robot. In a world without ground and terrain, the robot stands on the plane z =
-    /// 0. A robot without collision shapes is not moved.
+    /// terrain, and stops the robot. In a world without ground and terrain, the robot stands on the plane
+    /// `z = 0`. A robot without collision shapes is not moved.
     pub fn place_on_ground(&mut self) {
         (0..self.engine.parts.len()).for_each(|of| self.place_one_on_ground(of));
     }

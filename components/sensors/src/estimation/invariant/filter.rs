@@ -63,9 +63,9 @@ impl Default for FilterState {
 /// dR/dt = R (omega - b_g - w_g)^      dv/dt = R (f - b_a - w_a) + g      dp/dt = v      dd/dt = R w_d
 /// ```
 ///
-/// integrated exactly for readings that are constant over a step. The error is right-invariant, `X_est X^-1 =
-/// exp(xi)`, in world axes. The linear dynamics of the error do not depend on the state, except for the
-/// biases. A foot on the ground measures `R' (d - p)`, the forward kinematics `h` of its joints; the
+/// integrated exactly for readings that are constant over a step. The error is right-invariant,
+/// `X_est X^-1 = exp(xi)`, in world axes. The linear dynamics of the error do not depend on the state, except
+/// for the biases. A foot on the ground measures `R' (d - p)`, the forward kinematics `h` of its joints; the
 /// innovation `R h - (d - p)` is linear in `xi` with a constant matrix. The linearisation therefore adds no
 /// spurious information: position and yaw, which contacts cannot observe, stay uncertain.
 ///
