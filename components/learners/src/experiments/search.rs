@@ -167,7 +167,7 @@ fn fit(functions: &DMatrix<f64>, forces: &DMatrix<f64>, spring: &SampledSpring) 
 /// Rewards of searches for several goals with several seeds.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Search {
-    /// Best rewards, one row per search and one column per entry of [`REPORTED`].
+    /// Best rewards. Each row is a search, and each column is an entry of [`REPORTED`].
     pub rewards: Vec<[f64; REPORTED.len()]>,
 }
 

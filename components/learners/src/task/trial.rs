@@ -10,9 +10,9 @@ use crate::random::Counter;
 /// Reason for the end of an episode.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum End {
-    /// A termination with the verdict failure was met, or a physics step failed.
+    /// A termination with the verdict `failure` was met, or a physics step failed.
     Failure,
-    /// A termination with the verdict success was met.
+    /// A termination with the verdict `success` was met.
     Success,
     /// The maximum duration was reached. The episode is truncated, not terminated, so its return includes the
     /// estimated value of the final state.

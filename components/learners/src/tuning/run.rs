@@ -95,7 +95,7 @@ pub enum TuningError<E> {
         /// Reason why the file does not parse.
         message: String,
     },
-    /// The checkpoint belongs to another search.
+    /// The checkpoint does not match the search of the settings.
     #[error("{}: {source}", file.display())]
     Restore {
         /// Path of the file.
