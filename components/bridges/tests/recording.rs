@@ -76,7 +76,7 @@ fn verification_is_bitwise_and_finds_one_damaged_value() {
     assert_eq!(Recording::open(&file).unwrap().faults(), [""; 0]);
     std::fs::write(&file, &bytes).unwrap();
     let faults = Recording::open(&file).unwrap().faults();
-    assert!(faults[0].starts_with("is damaged: 1 chunk of it, between 0.000 s and "), "{faults:?}");
+    assert!(faults[0].starts_with("is damaged: 1 chunk, between 0.000 s and "), "{faults:?}");
     let difference = check(&file, &[]).difference.expect("a difference");
     assert_eq!((difference.topic.as_str(), difference.sequence, difference.tick), ("sum", 640, 639));
     let What::Field { field, .. } = &difference.what else { panic!("{difference}") };

@@ -1,8 +1,8 @@
 //! Advantage actor-critic (A2C).
 //!
 //! A stochastic policy `a ~ N(mu(o), diag(sigma^2))` and a value function `V(o)` learn from short rollouts in
-//! all worlds. With advantages `A` and returns `R`, an update takes one gradient step over all its samples to
-//! minimise
+//! all worlds. With advantages `A` and returns `R`, an update takes one gradient step over all samples of the
+//! rollouts to minimise
 //!
 //! ```text
 //! L   = -E[A ln pi(a | o)] + value / 2 E[(V - R)^2] - entropy H
@@ -11,9 +11,9 @@
 //! ```
 //!
 //! With `lambda = 1`, a return sums the rewards to the end of the rollout and the value of the final state.
-//! The implementation is [PPO](crate::ppo) with one pass, no clipping and unnormalised advantages, which has
-//! the same gradient (Huang, Kanervisto, Raffin and others, *A2C is a special case of PPO*, arXiv:2205.09123,
-//! 2022). Observations and rewards are normalised as in PPO.
+//! The implementation is [PPO](crate::ppo) with one pass, no clipping and unnormalised advantages, because
+//! this variant of PPO has the same gradient as A2C (Huang, Kanervisto, Raffin and others, *A2C is a special
+//! case of PPO*, arXiv:2205.09123, 2022). Observations and rewards are normalised as in PPO.
 //!
 //! Source: Mnih, Badia, Mirza and others, *Asynchronous methods for deep reinforcement learning*, ICML 2016,
 //! in its synchronous form. Defaults: see [`A2cSettings`].
@@ -33,7 +33,7 @@ use crate::task::{Task, TaskError};
 /// RMSProp.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct A2cSettings {
-    /// Total steps of all worlds, at least 1. Default 200,000, as for PPO.
+    /// Number of steps in all worlds together, at least 1. Default 200,000, as for PPO.
     pub steps: u64,
     /// Number of worlds, at least 1. Default 16, as for PPO.
     pub worlds: usize,
@@ -106,8 +106,8 @@ impl A2cSettings {
         check.network(self.discount, &self.hidden)
     }
 
-    /// Creates a training run before its first step. `run` contains the seed and the number of threads;
-    /// `build` creates the simulation of each world.
+    /// Creates a training run that has not performed any step yet. `run` contains the seed and the number of
+    /// threads; `build` creates the simulation of each world.
     ///
     /// # Errors
     ///

@@ -9,8 +9,8 @@
 //! L   = -E[Q(o, mu(o))]
 //! ```
 //!
-//! and moves the targets by `polyak`. Exploration adds `N(0, noise^2)` to the actions. The implementation is
-//! [TD3](crate::td3) with one critic.
+//! and moves the target networks towards the trained networks by the fraction `polyak`. Exploration adds
+//! `N(0, noise^2)` to the actions. The implementation is [TD3](crate::td3) with one critic.
 //!
 //! Source: Lillicrap, Hunt, Pritzel and others, *Continuous control with deep reinforcement learning*, ICLR
 //! 2016; for defaults, see [`DdpgSettings`].
@@ -30,8 +30,8 @@ use crate::td3::{Deterministic, Td3Settings};
 /// of 256, polyak 0.005, discount 0.99, Gaussian noise of 0.1 instead of the paper's correlated noise).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DdpgSettings {
-    /// Settings of steps, replay and networks. Defaults differ from the source: see
-    /// [`SacSettings`](crate::sac::SacSettings).
+    /// Settings of steps, replay and networks. The defaults are the defaults of
+    /// [`SacSettings`](crate::sac::SacSettings), some of which differ from the source.
     #[serde(flatten)]
     pub replay: ReplaySettings,
     /// Standard deviation of the exploration noise, at least 0. Default 0.1.
@@ -60,8 +60,8 @@ impl DdpgSettings {
         self.to_td3().check_for(Check(Algorithm::Ddpg))
     }
 
-    /// Creates a training run before its first step. `run` contains the seed and the number of threads;
-    /// `build` creates the simulation of each world.
+    /// Creates a training run that has not performed any step yet. `run` contains the seed and the number of
+    /// threads; `build` creates the simulation of each world.
     ///
     /// # Errors
     ///

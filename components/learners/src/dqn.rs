@@ -1,17 +1,17 @@
 //! Deep Q-network (DQN).
 //!
 //! A network estimates the value `Q(o, c)` of each of a few [choices](crate::task::Choices): the rows of
-//! `action.choices`. For a task with continuous actions they are a grid: `bins` values, evenly spaced between
-//! the bounds of the action, for each moving joint, and all their combinations. With targets `Q'` and samples
-//! `(o, c, r, o')` of the replay buffer, a gradient minimises
+//! `action.choices`. For a task with continuous actions, the choices are a grid: all combinations of `bins`
+//! values per moving joint, evenly spaced between the bounds of the action. With a target network `Q'` and
+//! samples `(o, c, r, o')` from the replay buffer, each gradient step minimises
 //!
 //! ```text
 //! y = r + discount Q'(o', argmax_k Q(o', k))       double DQN; else r + discount max_k Q'(o', k)
 //! L = E[huber(Q(o, c) - y)],    huber(e) = e^2 / 2 where |e| < 1, else |e| - 1/2
 //! ```
 //!
-//! and moves the target by `polyak`. A choice is random with probability `epsilon`, which decreases linearly.
-//! The policy without exploration is greedy.
+//! and moves the target network towards the trained network by the fraction `polyak`. A choice is random with
+//! probability `epsilon`, which decreases linearly. The policy without exploration is greedy.
 //!
 //! Sources: Mnih, Kavukcuoglu, Silver and others, *Human-level control through deep reinforcement learning*,
 //! Nature 518, 2015; van Hasselt, Guez, Silver, *Deep reinforcement learning with double Q-learning*, AAAI
@@ -45,8 +45,8 @@ pub struct DqnSettings {
     /// 64 units, and targets that move by 0.005 after each gradient step instead of periodic copies.
     #[serde(flatten)]
     pub replay: ReplaySettings,
-    /// Number of discrete values of each moving joint of a continuous action, at least 2. Default 3. Their
-    /// combinations must not exceed 256 choices.
+    /// Number of discrete values per moving joint, for a task with continuous actions, at least 2. Default 3.
+    /// The values of all joints may form at most 256 combinations.
     pub bins: usize,
     /// `true` for double DQN: the network selects the action, the target network evaluates it. Default true.
     pub double: bool,
@@ -92,14 +92,14 @@ impl DqnSettings {
         ])
     }
 
-    /// Creates a training run before its first step. `run` contains the seed and the number of threads;
-    /// `build` creates the simulation of each world.
+    /// Creates a training run that has not performed any step yet. `run` contains the seed and the number of
+    /// threads; `build` creates the simulation of each world.
     ///
     /// # Errors
     ///
     /// [`EnvironmentError`] if a setting is invalid, the task does not fit the robot, or a simulation cannot
-    /// be built. A task with continuous actions requires bounds of its action and at most 256 choices; a
-    /// discrete task must not set `bins`.
+    /// be built. A task with continuous actions must have bounds on its action and yield at most 256 choices.
+    /// A task with discrete actions must not set `bins`.
     pub fn learner<E: Engine + Send>(
         self,
         task: &Task,
@@ -120,7 +120,7 @@ fn grid(terms: &Terms, bins: usize) -> Result<Choices, TaskError> {
         Some(grid) => Ok(grid.map(|stored, action| bounds.command(stored, action))),
         None => {
             let (most, joints) = (Choices::MOST, bounds.moving());
-            let expected = format!("at most {most} choices of {joints} joints together");
+            let expected = format!("at most {most} combinations of the values of {joints} joints");
             Err(Check(Algorithm::Dqn).error("bins", bins as f64, &expected))
         }
     }

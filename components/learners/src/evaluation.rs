@@ -31,11 +31,11 @@ pub struct Evaluation {
     pub iqm_interval: [f64; 2],
     /// Mean length of an episode \[steps\].
     pub mean_length: f64,
-    /// Number of episodes with the verdict failure.
+    /// Number of failed episodes: a termination with the verdict `failure` ended them.
     pub failures: usize,
-    /// Number of episodes with the verdict success.
+    /// Number of successful episodes: a termination with the verdict `success` ended them.
     pub successes: usize,
-    /// Return of each episode, in order.
+    /// Return of each episode, in the order of the episodes.
     pub returns: Vec<f64>,
     /// Warnings about ignored elements of the world's file.
     #[serde(skip)]
@@ -70,7 +70,8 @@ pub enum EvaluationError {
     Environment(#[from] EnvironmentError),
 }
 
-/// Runs the policy in a folder on the task in a file for a number of episodes, without exploration.
+/// Evaluates a policy without exploration: runs a number of episodes of the task in a file with the policy in
+/// a folder.
 ///
 /// # Errors
 ///
@@ -123,14 +124,14 @@ pub struct Comparison {
     pub difference: f64,
     /// 95 % bootstrap interval of the difference.
     pub difference_interval: [f64; 2],
-    /// Fraction of the episodes that the policy improved: its return is larger than the baseline's. Equal
-    /// returns count half.
+    /// Fraction of the episodes in which the policy's return exceeds the baseline's. An episode with equal
+    /// returns counts half.
     pub improved: f64,
 }
 
-/// Compares the returns of a policy (`other`) with the returns of a baseline, episode by episode. Both must
-/// have been evaluated on the same task with the same seed. Returns `None` if the numbers of episodes differ
-/// or are 0.
+/// Compares the returns of a policy (`other`) with the returns of a baseline, episode by episode. Policy and
+/// baseline must have been evaluated on the same task with the same seed. Returns `None` if the numbers of
+/// episodes differ or are 0.
 pub fn compare(baseline: &Evaluation, other: &Evaluation, seed: u64) -> Option<Comparison> {
     if baseline.returns.len() != other.returns.len() || baseline.returns.is_empty() {
         return None;

@@ -63,7 +63,7 @@ pub enum FolderError {
         /// Action that fixes the error.
         help: &'static str,
     },
-    /// The path of the task cannot be stored in the description of a run, because it is not UTF-8.
+    /// The path of the task cannot be stored in the description of a run, because the path is not UTF-8.
     #[error(
         "{}: the path is not UTF-8\n\
          help: move the task to a folder whose path is UTF-8",
@@ -84,13 +84,13 @@ pub(crate) fn read_task(file: &Path) -> Result<(Task, String), FolderError> {
 
 /// Checks that a folder holds a run.
 pub(crate) fn check_run(folder: &Path) -> Result<(), FolderError> {
-    let help = "name the folder that `motorium learn train` or `motorium learn tune` was given as --output";
+    let help = "pass the folder that was the --output of `motorium learn train` or `motorium learn tune`";
     check_file(folder, ("training run", RUN), help)
 }
 
 /// Checks that a folder holds a policy; the description itself is accepted, too.
 pub(crate) fn check_policy(folder: &Path) -> Result<(), FolderError> {
-    let help = "name the folder that `motorium learn train` was given as --output";
+    let help = "pass the folder that was the --output of `motorium learn train`";
     match folder.is_file() {
         true => Ok(()),
         false => check_file(folder, ("trained policy", POLICY), help),

@@ -1,4 +1,5 @@
-//! Counter-based random numbers: only the counter determines them, not the order of the draws.
+//! Counter-based random numbers: each number depends only on a counter, not on the order in which numbers are
+//! drawn.
 //!
 //! ```
 //! use motorium_learners::random::{Counter, Purpose};
@@ -62,11 +63,11 @@ pub enum Purpose {
 pub struct Counter {
     /// Seed of the run.
     pub seed: u64,
-    /// Index of the world, or of the restart of a search.
+    /// Index of the world; for a search, index of the restart.
     pub world: u64,
-    /// Number of the episode in its world, or of the generation of a search.
+    /// Number of the episode in its world; for a search, number of the generation.
     pub episode: u64,
-    /// Number of the step in the episode, or of the candidate.
+    /// Number of the step in its episode; for a search, number of the candidate.
     pub step: u64,
 }
 
@@ -76,7 +77,8 @@ impl Counter {
         Pcg64::seed_from_u64(self.number(purpose))
     }
 
-    /// Returns a uniformly distributed number for a purpose at this position, for example to seed an episode.
+    /// Returns a uniformly distributed number for a purpose at this position, which can serve as the seed of
+    /// an episode.
     pub fn number(self, purpose: Purpose) -> u64 {
         let mut digest = XxHash3_64::default();
         for part in [self.seed, self.world, self.episode, self.step, purpose as u64] {

@@ -1,8 +1,8 @@
 //! REINFORCE with a baseline.
 //!
-//! A stochastic policy `a ~ N(mu(o), diag(sigma^2))` learns from whole episodes, one per world and update.
-//! With the returns `G` of an episode and a value function `V(o)` as the baseline, one gradient step over all
-//! samples minimises
+//! A stochastic policy `a ~ N(mu(o), diag(sigma^2))` learns from whole episodes. Each update uses one episode
+//! of each world. With the returns `G` of an episode and a value function `V(o)` as the baseline, one
+//! gradient step over all samples minimises
 //!
 //! ```text
 //! L   = -E[A ln pi(a | o)] + value / 2 E[(V - G)^2] - entropy H
@@ -10,9 +10,9 @@
 //! A_t = G_t - V(o_t), with mean 0 and deviation 1 in an update
 //! ```
 //!
-//! Returns end with the episode, even if it is truncated: the value is only a baseline. A world whose episode
-//! has ended waits for the others. The implementation is [PPO](crate::ppo) with one pass and no clipping;
-//! observations and rewards are normalised as in PPO.
+//! A return ends with its episode, even if the episode is truncated, because the value function is only a
+//! baseline. A world whose episode has ended waits for the other worlds. The implementation is
+//! [PPO](crate::ppo) with one pass and no clipping; observations and rewards are normalised as in PPO.
 //!
 //! Sources: Williams, *Simple statistical gradient-following algorithms for connectionist reinforcement
 //! learning*, Machine Learning 8, 1992; Sutton, Barto, *Reinforcement learning*, 2nd edition, 2018, section
@@ -28,10 +28,12 @@ use crate::task::{Task, TaskError};
 
 /// Settings of REINFORCE: the table `[algorithms.reinforce]` of a task.
 ///
-/// The default learning rate is PyRoboLearn's. The other defaults are PPO's, so that both can be compared.
+/// The default learning rate is PyRoboLearn's. The other defaults are PPO's, so that the two algorithms can
+/// be compared.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ReinforceSettings {
-    /// Total steps of all worlds, at least 1. The last update may exceed this number. Default 200,000.
+    /// Number of steps in all worlds together, at least 1. The last update may exceed this number. Default
+    /// 200,000.
     pub steps: u64,
     /// Number of worlds and of episodes per update, at least 1. Default 16.
     pub worlds: usize,
@@ -96,8 +98,8 @@ impl ReinforceSettings {
         check.network(self.discount, &self.hidden)
     }
 
-    /// Creates a training run before its first step. `run` contains the seed and the number of threads;
-    /// `build` creates the simulation of each world.
+    /// Creates a training run that has not performed any step yet. `run` contains the seed and the number of
+    /// threads; `build` creates the simulation of each world.
     ///
     /// # Errors
     ///

@@ -41,8 +41,8 @@ use crate::task::{Task, TaskError, Terms};
 /// levels and delay of the paper).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Td3Settings {
-    /// Settings of steps, replay and networks. Defaults differ from the source: see
-    /// [`SacSettings`](crate::sac::SacSettings).
+    /// Settings of steps, replay and networks. The defaults are the defaults of
+    /// [`SacSettings`](crate::sac::SacSettings), some of which differ from the source.
     #[serde(flatten)]
     pub replay: ReplaySettings,
     /// Standard deviation of the exploration noise, at least 0. Default 0.1.
@@ -82,8 +82,8 @@ impl Td3Settings {
         ])
     }
 
-    /// Creates a training run before its first step. `run` contains the seed and the number of threads;
-    /// `build` creates the simulation of each world.
+    /// Creates a training run that has not performed any step yet. `run` contains the seed and the number of
+    /// threads; `build` creates the simulation of each world.
     ///
     /// # Errors
     ///

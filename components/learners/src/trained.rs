@@ -1,4 +1,4 @@
-//! Trained policies on disk, for a task.
+//! Loading of trained policies from disk, and checks that they fit a task.
 
 use std::path::Path;
 
@@ -14,8 +14,8 @@ pub enum TrainedPolicyError {
     Folder(#[from] PolicyFolderError),
     /// The policy was trained for other observations or actions.
     #[error(
-        "the {what} of the policy differ from the task's\n\
-         help: use it on the task that it was trained for"
+        "the {what} of the policy differ from the {what} of the task\n\
+         help: use the policy on the task for which it was trained"
     )]
     Terms {
         /// Name of the terms that differ.

@@ -1,5 +1,5 @@
-//! Common interface of models: predictions, with variances if available, parameters as one vector, and model
-//! class.
+//! Common interface of models: predictions (with variances if the model provides them), parameters as one
+//! vector, and the class of the model.
 //!
 //! ```
 //! use motorium_models::approximator::{Approximator, Data};
@@ -32,7 +32,7 @@ pub enum Parameters {
     Data,
 }
 
-/// Scope of a prediction.
+/// Extent of time that one prediction covers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Scope {
@@ -42,7 +42,7 @@ pub enum Scope {
     Trajectory,
 }
 
-/// Amount of data that a model needs.
+/// Amount of training data that a model needs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Data {
@@ -54,7 +54,7 @@ pub enum Data {
     Much,
 }
 
-/// Properties of a kind of model, a row of table 2.4 of Delhaisse's thesis (2019).
+/// Properties of a kind of model, as in a row of table 2.4 of Delhaisse's PhD thesis (2019).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Class {
     /// Name of the kind of model.
@@ -67,7 +67,7 @@ pub struct Class {
     pub probabilistic: bool,
     /// `true` if the model describes the joint distribution of the data, from which new data can be sampled.
     pub generative: bool,
-    /// Scope of a prediction.
+    /// Extent of time that one prediction covers.
     pub scope: Scope,
     /// `true` if humans can interpret the model's parameters.
     pub interpretable: bool,
@@ -229,8 +229,8 @@ pub trait Approximator {
     /// If a slice has the wrong length.
     fn predict(&mut self, x: &[f64], mean: &mut [f64]);
 
-    /// Predicts outputs from inputs `x` and writes their mean and variance. Returns `false` for a model
-    /// without variances, which writes only the mean.
+    /// Predicts outputs from inputs `x` and writes their mean and variance. A model without variances writes
+    /// only the mean and returns `false`.
     ///
     /// # Panics
     /// If a slice has the wrong length.
@@ -273,7 +273,8 @@ impl Approximator for GaussianProcess {
     }
 }
 
-/// A map from poses of one space of a latent model to poses of another.
+/// A map from poses in one space of a [`LatentModel`] to poses in another space, for example from human poses
+/// to robot poses.
 #[derive(Clone, Debug)]
 pub struct LatentMap {
     model: LatentModel,

@@ -1,7 +1,8 @@
 //! Minimisation of smooth functions by L-BFGS.
 //!
-//! Two-loop recursion over the last 10 steps and a line search for the strong Wolfe conditions. References:
-//! Nocedal, Wright, *Numerical Optimization*, 2nd ed., algorithms 7.4, 3.5 and 3.6.
+//! Each step uses the two-loop recursion over the previous steps (10 by default) and a line search for the
+//! strong Wolfe conditions. References: Nocedal, Wright, *Numerical Optimization*, 2nd ed., algorithms 7.4,
+//! 3.5 and 3.6.
 
 use std::collections::VecDeque;
 
@@ -12,11 +13,11 @@ pub struct Options {
     pub iterations: usize,
     /// Number of previous steps stored by L-BFGS. Default: 10.
     pub memory: usize,
-    /// Tolerance of the gradient: the minimisation stops when no entry of the gradient is larger in
+    /// Tolerance of the gradient: the minimisation stops when no entry of the gradient exceeds this
     /// magnitude. Default: 1e-6.
     pub gradient: f64,
-    /// Minimum improvement: the minimisation stops when a step decreases the value by less than this
-    /// fraction. Default: 1e-10.
+    /// Minimum improvement: the minimisation stops when a step decreases the value of the function by less
+    /// than this fraction. Default: 1e-10.
     pub improvement: f64,
     /// Maximum change of one variable in one step. Default: 2.
     pub step: f64,
@@ -51,8 +52,8 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 
 /// Minimises `function` by L-BFGS, starting at `x`, and writes the best point found to `x`.
 ///
-/// `function` receives a point, writes the gradient to its second argument and returns the value. A
-/// non-finite value marks a point outside the domain, from which the line search backtracks. If the initial
+/// `function` receives a point, writes the gradient to its second argument and returns the value. A value
+/// that is not finite marks a point outside the domain, and the line search then backtracks. If the initial
 /// value is not finite, `x` is unchanged.
 pub fn minimise(
     x: &mut [f64],

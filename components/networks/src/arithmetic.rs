@@ -22,7 +22,7 @@ pub trait Real:
     + Neg<Output = Self>
     + AddAssign
 {
-    /// Rounds `value` to this type.
+    /// Converts `value` to this type, rounded to the nearest number.
     fn from_f64(value: f64) -> Self;
     /// Converts to `f64` without rounding.
     fn to_f64(self) -> f64;
@@ -31,8 +31,8 @@ pub trait Real:
     /// Returns `self * a + b`, rounded once.
     #[must_use]
     fn mul_add(self, a: Self, b: Self) -> Self;
-    /// Returns `exp(self)`. For `f32` the result saturates at the largest finite power instead of
-    /// overflowing.
+    /// Returns `exp(self)`. For `f32`, a result above the largest finite power of two is limited to that
+    /// power.
     #[must_use]
     fn exp(self) -> Self;
     /// Returns `exp(self) - 1`, accurate near 0.
@@ -79,10 +79,11 @@ pub trait Real:
     }
 }
 
-/// Returns the power of two closest to `exp(x)`, and `exp(x) / power - 1`.
+/// Returns `p`, the power of two closest to `exp(x)`, and `exp(x) / p - 1`.
 #[inline(always)]
 fn exp_parts(x: f32) -> (f32, f32) {
-    /// Adding this rounds to an integer, which is then stored in the lowest bits.
+    /// Adding this constant to a number rounds the number to an integer, which is then in the lowest bits of
+    /// the sum.
     const ROUND: f32 = 12_582_912.0;
     let x = x.clamp(-87.0, 88.3);
     let rounded = x.mul_add(core::f32::consts::LOG2_E, ROUND);
@@ -161,7 +162,7 @@ impl Real for f64 {
 pub trait Lanes: Real + Send + Sync + 'static {
     /// A vector of the instruction set `S`.
     type Vector<S: Simd>: Copy;
-    /// Numbers in a cache line of 64 bytes.
+    /// Count of numbers that fit in a cache line of 64 bytes.
     const LINE: usize = 64 / size_of::<Self>();
     /// Returns the numbers as vectors; a remainder shorter than a vector is omitted.
     fn vectors<S: Simd>(numbers: &[Self]) -> &[Self::Vector<S>];

@@ -2,7 +2,7 @@
 //!
 //! - [`inference`]: networks as lists of operations that run without allocation.
 //! - [`arithmetic`]: the scalar types of networks, `f32` and `f64`.
-//! - [`safetensors`]: reads and writes named tensors.
+//! - [`safetensors`]: reads and writes files of named tensors.
 
 pub mod arithmetic;
 pub mod inference;

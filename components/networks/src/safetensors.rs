@@ -6,12 +6,12 @@ use serde::Deserialize;
 
 use crate::arithmetic::Real;
 
-/// A tensor, in single precision unless another scalar type is chosen.
+/// A tensor of numbers of type `T`, by default `f32`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tensor<T = f32> {
     /// Length of each axis.
     pub shape: Vec<usize>,
-    /// Values, the last axis varying fastest.
+    /// Values of the tensor. The last axis varies fastest.
     pub values: Vec<T>,
 }
 
@@ -40,7 +40,7 @@ pub enum SafetensorsError {
     /// The header is invalid.
     #[error("invalid header: {0}")]
     Header(String),
-    /// The number type is unsupported.
+    /// The number type of a tensor is unsupported.
     #[error(
         "tensor \"{name}\" has numbers of type {found}, expected F32, F64, F16 or BF16; help: convert it with `.float()`"
     )]
@@ -50,7 +50,7 @@ pub enum SafetensorsError {
         /// Number type found.
         found: String,
     },
-    /// The byte range does not match the tensor.
+    /// The byte range of a tensor does not match its shape and number type.
     #[error("tensor \"{name}\": bytes {from} to {to} of {size}, expected {expected} bytes within the file")]
     Bytes {
         /// Name of the tensor.
@@ -64,7 +64,7 @@ pub enum SafetensorsError {
         /// Number of bytes required by the tensor's shape.
         expected: usize,
     },
-    /// A tensor to be written has the wrong number of values.
+    /// The number of values of a tensor does not match its shape, so the tensor cannot be written.
     #[error("tensor \"{name}\" has {found} numbers, expected {expected} for its shape")]
     Shape {
         /// Name of the tensor.
@@ -148,8 +148,7 @@ pub fn read<T: Real>(bytes: &[u8]) -> Result<Tensors<T>, SafetensorsError> {
     Ok(Tensors { tensors, metadata: metadata.unwrap_or_default() })
 }
 
-/// Returns the bytes of a safetensors file. The tensors are stored as `F32`, in the order of the tensors'
-/// names.
+/// Returns the bytes of a safetensors file. The tensors are stored as `F32`, sorted by name.
 ///
 /// # Errors
 ///

@@ -1,4 +1,4 @@
-//! The air around objects, and its drag.
+//! Drag of the surrounding air on objects.
 
 use nalgebra::Vector3;
 

@@ -132,7 +132,7 @@ pub enum BuildWarning {
     /// The robot has no collision shapes, but the world has a ground or objects.
     #[error(
         "robot \"{robot}\" has no collision shapes and passes through the ground and all objects; \
-         `motorium robot hulls` gives its links the hulls of their visuals"
+         `motorium robot hulls` gives the links convex hulls of their visuals"
     )]
     NoShapes {
         /// Name of the robot.

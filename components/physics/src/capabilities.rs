@@ -1,7 +1,7 @@
-//! Abilities that only some engines have.
+//! Optional features, which only some engines support.
 
-/// Optional features of a simulation engine. Every engine supports robots with fixed bases, several of them
-/// in one model, free and fixed objects, contacts, rays, commands, placement, reset, save and restore.
+/// Optional features of a simulation engine. Every engine supports robots with fixed bases, several robots in
+/// one model, free and fixed objects, contacts, rays, commands, placement, reset, save and restore.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Capabilities {
     /// Floating bases, and several robots with a floating base in one world.
@@ -18,7 +18,7 @@ pub struct Capabilities {
     /// Surface textures: soft surfaces and direction-dependent friction.
     pub textures: bool,
     /// Collision with the triangles of [meshes](motorium_worlds::MeshCollision) of objects. Every engine
-    /// supports collision with their convex parts.
+    /// supports collision with convex parts of meshes.
     pub triangles: bool,
     /// Changes of physical [properties](crate::Properties) during motion, by
     /// [`Simulation::change`](crate::Simulation::change).

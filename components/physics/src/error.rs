@@ -151,9 +151,10 @@ pub enum ResetError {
         /// Velocity given.
         velocity: Vec<f64>,
     },
-    /// The properties belong to another robot or another world.
+    /// The properties do not match the robots and the world of the simulation.
     #[error(
-        "the properties belong to another robot or world; start from the properties returned by `Simulation::properties`"
+        "the properties belong to a different robot or world; start from the properties returned by \
+         `Simulation::properties`"
     )]
     Properties,
     /// The world is invalid.

@@ -12,9 +12,9 @@ pub struct JointProperties {
     pub upper: f64,
     /// Maximum effort of the drive in either direction \[Nm or N\].
     pub effort_limit: f64,
-    /// Velocity limit \[rad/s or m/s\]; +inf without a limit. Steps in which the joint exceeds the limit are
-    /// counted. A drive enforces the limit only if its command ([`JointSetpoint`](crate::JointSetpoint))
-    /// contains it.
+    /// Velocity limit \[rad/s or m/s\]; +inf without a limit. The simulation counts steps in which the joint
+    /// exceeds this limit. A drive enforces a velocity limit only if its command
+    /// ([`JointSetpoint`](crate::JointSetpoint)) contains the limit.
     pub velocity_limit: f64,
     /// Viscous damping \[Nms/rad or Ns/m\].
     pub damping: f64,
@@ -33,7 +33,7 @@ impl JointProperties {
     /// m2 or kg\].
     ///
     /// A mimic joint adds `multiplier^2` times its damping and stiffness, and `|multiplier|` times its
-    /// friction, to the joint it follows.
+    /// friction, to the joint that it follows.
     pub fn from_model(model: &Model, armature: f64) -> Vec<Self> {
         let mut joints: Vec<Self> = (0..model.joint_count())
             .map(|index| Self {
@@ -67,7 +67,7 @@ impl JointProperties {
     }
 
     /// Returns the velocity beyond which the simulation is no longer meaningful \[rad/s or m/s\]: 20 times
-    /// the limit and at least 100, or 1000 without a limit.
+    /// the velocity limit, but at least 100; 1000 for a joint without a velocity limit.
     pub fn divergence_bound(&self) -> f64 {
         if self.velocity_limit.is_finite() { (20.0 * self.velocity_limit).max(100.0) } else { 1000.0 }
     }

@@ -8,7 +8,7 @@
 //! worlds on all cores. All of these form a plain library that does not need the runtime.
 //!
 //! [`ArticulatedPhysics`] (`physics.articulated`), [`RapierPhysics`] (`physics.rapier`) and [`MujocoPhysics`]
-//! (`physics.mujoco`) are the components of a graph; only they depend on the runtime.
+//! (`physics.mujoco`) are the components of a graph; only these components depend on the runtime.
 
 mod air;
 mod articulated;

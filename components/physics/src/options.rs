@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Integration method for robots and objects that touch nothing.
+/// Integration method for the motion of robots and objects without contacts.
 ///
 /// With either method, a robot or object that is in contact, at a joint stop, pushed, or driven through the
 /// spring of a drivetrain uses Euler's method in that step. Drives are always implicit.
@@ -13,8 +13,8 @@ pub enum Integrator {
     /// Semi-implicit Euler, first order in the step length.
     #[default]
     Euler,
-    /// Midpoint rule, second order in the step length. The energy drift is a small fraction of Euler's, and
-    /// free flight is exact. The forces of a robot are computed twice per step.
+    /// Midpoint rule, second order in the step length. The energy drift is a small fraction of the drift of
+    /// Euler's method, and free flight is exact. The forces of a robot are computed twice per step.
     Midpoint,
 }
 
@@ -22,37 +22,39 @@ pub enum Integrator {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Options {
-    /// Number of integration steps per step, 1 to 100, default 1. Applies to everything that does not use
-    /// `contact_iterations`. One is enough at 1 kHz: the drives are implicit, so more steps only refine the
-    /// integration. Rapier accepts only 1, because it always runs `contact_iterations` steps.
+    /// Number of integration steps per simulation step, 1 to 100, default 1, for robots and objects to which
+    /// `contact_iterations` does not apply. One is enough at 1 kHz: drives are implicit, so a larger number
+    /// only refines the integration. Rapier accepts only 1, because it always runs `contact_iterations`
+    /// integration steps.
     #[schemars(range(min = 1, max = 100))]
     pub substeps: usize,
-    /// Number of integration steps per step for a robot within a centimetre of a movable object or another
-    /// robot, and for everything that touches such a robot; 1 to 100, default 2. Two are enough to hold a
-    /// grasp. More steps resolve fast impacts better, but each solves the contact problem once more.
+    /// Number of integration steps per simulation step, 1 to 100, default 2, for a robot within a centimetre
+    /// of a movable object or another robot, and for everything that touches such a robot. Two are enough to
+    /// hold a grasp. A larger number resolves fast impacts better, but every integration step solves the
+    /// contact problem.
     #[schemars(range(min = 1, max = 100))]
     pub contact_iterations: usize,
-    /// `true` if links of the robot can touch each other, default true. Links that share a joint or a parent,
-    /// and links that start within a centimetre of each other, never do.
+    /// `true` if links of the robot can touch each other, default true. Links that share a joint or a parent
+    /// never touch each other, nor do links that start within a centimetre of each other.
     pub self_collision: bool,
-    /// Rotor inertia of each drive reflected to the joint (kg m2 or kg), from 0, default 0. It is added to
-    /// the armature of the model.
+    /// Rotor inertia of each drive reflected to the joint (kg m2 or kg), from 0, default 0. This inertia is
+    /// added to the armature in the robot's model.
     #[schemars(range(min = 0.0))]
     pub armature: f64,
-    /// Friction coefficient of the robot's surface, from 0, default 0.8. A contact uses the mean of both
-    /// surfaces, unless one of them has a friction of 0 or a `friction_combine`.
+    /// Friction coefficient of the robot's surface, from 0, default 0.8. A contact uses the mean value of
+    /// both surfaces, unless one surface has a friction of 0 or a `friction_combine`.
     #[schemars(range(min = 0.0))]
     pub friction: f64,
     /// Restitution of the robot's surface: the fraction of the approach speed kept after an impact, 0 to 1,
-    /// default 0. A contact uses the mean of both surfaces.
+    /// default 0. A contact uses the mean value of both surfaces.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub restitution: f64,
     /// `true` if objects that have been at rest for half a second sleep together with everything they touch,
-    /// default true. Their contact forces persist, and they cost next to nothing until something touches or
-    /// moves them. Objects in rapier and MuJoCo never sleep.
+    /// default true. The contact forces on sleeping objects persist, and their simulation costs almost no
+    /// time until something touches or moves them. Objects in rapier and MuJoCo never sleep.
     pub sleeping: bool,
-    /// Integration method of robots and objects that touch nothing: `euler`, first order, the default, or
-    /// `midpoint`, second order. Only `physics.articulated` supports `midpoint`.
+    /// Integration method for robots and objects without contacts: `euler` (first order, the default) or
+    /// `midpoint` (second order). Only `physics.articulated` supports `midpoint`.
     pub integrator: Integrator,
 }
 

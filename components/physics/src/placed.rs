@@ -1,11 +1,11 @@
-//! Articulations that are moved from outside instead of by forces and drives.
+//! Articulations whose motion the caller prescribes, instead of forces and drives.
 //!
-//! Every step of a placed articulation ends in exactly its placed state. During the step its links move from
-//! the end of the last step to the placed configuration. Contacts therefore see the same motion as if its
-//! drives had moved it there.
+//! Every step of a placed articulation ends in exactly its placed state. During the step, its links move from
+//! their poses after the last step to the placed configuration. Contacts therefore see the same motion as if
+//! drives had moved the links.
 //!
-//! The placed velocity may not match this motion, as after a discontinuity or if a state is placed again. The
-//! links then approach the configuration along the placed velocity instead.
+//! The placed velocity may not match this motion, for example after a discontinuity or if the same state is
+//! placed again. In this case, the links approach the placed configuration along the placed velocity.
 
 use crate::robot::{Articulation, Robot};
 use crate::{JointSetpoint, ResetError};

@@ -31,17 +31,18 @@ use crate::{Engine, ResetError, Simulation, Surface};
 /// ```
 #[derive(Clone, Debug)]
 pub struct Properties {
-    /// Model of the robot. Its inertias, joint dynamics and effort limits may change; links, joints and
+    /// Model of the robot. The inertias, joint dynamics and effort limits may change; links, joints and
     /// shapes must match the simulation.
     pub model: Model,
     /// Models of all [articulations](crate::Articulation) after the first.
     pub others: Vec<Model>,
     /// The world. Gravity, and the masses and initial states of objects may change. The set of objects, their
-    /// shapes, and the ground must match the simulation. Its surfaces are ignored; use `surfaces`.
+    /// shapes, and the ground must match the simulation. Surfaces in the world description are ignored; set
+    /// `surfaces` instead.
     pub world: World,
     /// The surfaces of all colliders: robot, objects, and ground or terrain.
     pub surfaces: Vec<Surface>,
-    /// Actuator settings of each articulation, one per joint; empty if all actuators are ideal. Ideal
+    /// Actuator settings of the joints of each articulation; empty if all actuators are ideal. Ideal
     /// actuators remain ideal.
     pub actuators: Vec<Vec<Option<ActuatorSettings>>>,
 }
@@ -59,14 +60,15 @@ impl<E: Engine> Simulation<E> {
     }
 
     /// [Resets](crate::Simulator::reset) the simulation with these properties, which persist until the next
-    /// call. Nothing is rebuilt: the contact detection keeps its shapes and pairs.
+    /// call. The simulation is not rebuilt: the contact detection keeps its shapes and pairs.
     ///
     /// A [saved state](crate::Simulator::save) contains gravity and the objects' masses, but not the robot's
-    /// properties. Restore it under the properties with which it was saved.
+    /// properties. Restore a state only with the properties with which the state was saved.
     ///
     /// # Errors
     ///
-    /// [`ResetError`], also if the properties belong to another robot or world. Nothing is changed then.
+    /// [`ResetError`] if a value is invalid, or the properties do not match the robots and the world. The
+    /// simulation is then unchanged.
     pub fn reset_with(&mut self, properties: &Properties, q: &[f64], v: &[f64]) -> Result<(), ResetError> {
         // The terrain is checked where its heights are computed, because a second check would take long.
         let appearance = Appearance::default();
@@ -84,8 +86,8 @@ impl<E: Engine> Simulation<E> {
     ///
     /// # Errors
     ///
-    /// [`ResetError`], also if the engine [cannot change properties](crate::Capabilities::changes). Nothing
-    /// is changed then.
+    /// [`ResetError`] if a value is invalid, or the engine [cannot change
+    /// properties](crate::Capabilities::changes). The simulation is then unchanged.
     pub fn change(&mut self, properties: &Properties) -> Result<(), ResetError> {
         if !E::CAPABILITIES.changes {
             let reason = format!("the {} engine changes properties only at resets", E::NAME);

@@ -1,4 +1,4 @@
-//! Rays against the colliders of a simulation.
+//! Ray casting against the colliders of a simulation.
 
 use motorium_worlds::{Ray, RayShape};
 use nalgebra::{Isometry3, Point3, Unit, Vector3};

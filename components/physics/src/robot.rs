@@ -25,8 +25,8 @@ pub struct RobotSetup {
     pub collision_rules: Srdf,
     /// Friction coefficients by link name, for links that differ from the default surface.
     pub friction: BTreeMap<String, f64>,
-    /// By link name, the rule that combines the link's coefficient of friction with the coefficient of the
-    /// other surface.
+    /// Friction rules by link name. A rule combines the friction coefficients of the link and of a surface
+    /// that touches the link.
     pub friction_combine: BTreeMap<String, FrictionCombine>,
     /// Restitutions by link name, 0 to 1, for links that differ from the default surface.
     pub restitution: BTreeMap<String, f64>,
@@ -84,8 +84,8 @@ impl RobotSetup {
 
 /// An articulation: a kinematic tree with its own base.
 ///
-/// A robot is one articulation, but several robots with fixed bases may share one ([`Model::world`]). Each
-/// articulation owns a range of the vectors of a [`Simulator`](crate::Simulator).
+/// A robot is one articulation, but several robots with fixed bases may share an articulation
+/// ([`Model::world`]). Each articulation owns a range of the vectors of a [`Simulator`](crate::Simulator).
 ///
 /// ```
 /// use motorium_physics::{ArticulatedSimulator, Options, RobotSetup, Simulator, World};
@@ -122,7 +122,7 @@ impl Articulation {
         &self.model
     }
 
-    /// Returns the profile, if the robot was [loaded](RobotSetup::from_loaded) with one.
+    /// Returns the profile of the robot, if the robot was [loaded](RobotSetup::from_loaded) with a profile.
     pub fn profile(&self) -> Option<&Profile> {
         self.profile.as_deref()
     }

@@ -4,8 +4,8 @@ use motorium_robots::{FrameId, Model, Profile, Spin, UnknownFrame};
 
 use crate::JointSetpoint;
 
-/// A rotor that applies thrust along the z axis of its frame. The effort of its command is the thrust \[N\],
-/// from zero to its limit.
+/// A rotor that applies thrust along the z axis of its frame. The effort in the drive's command is the thrust
+/// \[N\], from zero to `max_thrust`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RotorDrive {
     /// Name of the drive.
@@ -14,7 +14,8 @@ pub struct RotorDrive {
     pub frame: FrameId,
     /// Maximum thrust \[N\].
     pub max_thrust: f64,
-    /// Drag torque about z per unit of thrust \[m\], positive if it rotates the robot counterclockwise.
+    /// Drag torque about z per unit of thrust \[m\], positive if the torque rotates the robot
+    /// counterclockwise.
     pub torque_per_thrust: f64,
 }
 

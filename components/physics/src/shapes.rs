@@ -1,4 +1,4 @@
-//! Convex shapes in the form of rapier and of its collision library.
+//! Convex shapes in the types of rapier and of rapier's collision library.
 
 use std::f64::consts::FRAC_PI_2;
 

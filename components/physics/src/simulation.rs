@@ -16,7 +16,7 @@ use crate::{
 /// The simulation owns the robot's state, commands and limits, the checks before and after a step, and the
 /// description of the world. The engine owns the objects of the world and its working memory.
 pub trait Engine: Sized {
-    /// Engine state that affects later steps.
+    /// Working memory of the engine that affects later steps, such as warm starts.
     type State: Send + Sync + 'static;
 
     /// Name of the engine in messages.
@@ -26,8 +26,8 @@ pub trait Engine: Sized {
     const CAPABILITIES: Capabilities;
 
     /// Builds the engine for `robot`, which has one articulation for each of `setups`, in `world`. The
-    /// robot's state is not set yet; [`reset`](Self::reset) follows. Warnings about doubtful input are added
-    /// to `warnings`.
+    /// robot's state is not set yet; the caller calls [`reset`](Self::reset) next. Warnings about doubtful
+    /// input are added to `warnings`.
     ///
     /// # Errors
     ///
@@ -43,12 +43,12 @@ pub trait Engine: Sized {
     /// Returns the surfaces of all colliders.
     fn surfaces(&self) -> Vec<Surface>;
 
-    /// Applies the surfaces, one per collider, the inertias and joints of `robot`, and the masses of `world`.
-    /// [`reset`](Self::reset) follows.
+    /// Applies the surfaces of all colliders, the inertias and joints of `robot`, and the masses of `world`.
+    /// The caller calls [`reset`](Self::reset) next.
     ///
     /// # Errors
     ///
-    /// [`ResetError::Refused`]; nothing is changed then.
+    /// [`ResetError::Refused`] if the engine cannot apply the properties. Nothing is changed in this case.
     fn set_properties(
         &mut self,
         robot: &Robot,
@@ -56,7 +56,7 @@ pub trait Engine: Sized {
         surfaces: &[Surface],
     ) -> Result<(), ResetError>;
 
-    /// Returns the actuator settings of each articulation, one per joint; empty if all actuators are ideal.
+    /// Returns, for each articulation, the actuator settings of each joint; empty if all actuators are ideal.
     fn actuators(&self) -> Vec<Vec<Option<ActuatorSettings>>> {
         Vec::new()
     }
@@ -80,18 +80,19 @@ pub trait Engine: Sized {
         wrench: [Vector3<f64>; 2],
     );
 
-    /// Starts the placement of an articulation that its drives have moved so far. From now on, no force moves
-    /// the articulation. The robot is already in its placed state.
+    /// Starts the placement of an articulation that its drives have moved until now. After this call, no
+    /// force moves the articulation. `robot` is already in the placed state.
     fn begin_placement(&mut self, robot: &Robot, articulation: usize);
 
-    /// Ends the placement of an articulation. Its drives move it again, from the robot's current state.
+    /// Ends the placement of an articulation. From the robot's current state on, the drives move the
+    /// articulation again.
     fn end_placement(&mut self, robot: &Robot, articulation: usize);
 
     /// Starts from the robot's current state, with the objects at rest at their poses in the world.
     fn reset(&mut self, robot: &Robot, world: &World);
 
-    /// Excludes pairs of links that start too close from self-collision, and adds warnings about links that
-    /// start inside something. May stop moving objects.
+    /// Disables self-collision between links that start too close to each other, and adds warnings about
+    /// links that start inside something. May stop moving objects.
     fn exclude_start_overlaps(&mut self, robot: &Robot, warnings: &mut Vec<BuildWarning>);
 
     /// Computes the state of the robot and the objects `dt` \[s\] after their current state.
@@ -101,18 +102,18 @@ pub trait Engine: Sized {
     /// [`StepError`], after which [`discard`](Self::discard) is called.
     fn advance(&mut self, robot: &mut Robot, dt: f64) -> Result<StepReport, StepError>;
 
-    /// Commits the computed state of the objects: it becomes their current state. `robot` is already in its
-    /// state after the step of `dt` \[s\].
+    /// Makes the computed state of the objects their current state. `robot` is already in its state after the
+    /// step of `dt` \[s\].
     fn commit(&mut self, robot: &Robot, dt: f64);
 
-    /// Discards the computed state. The robot keeps its current state.
+    /// Discards the state computed by [`advance`](Self::advance). The robot keeps its current state.
     fn discard(&mut self);
 
-    /// Saves the engine state that affects later steps, without the robot's state.
+    /// Saves the engine state that affects later steps. The robot's state is not included.
     fn save(&self) -> Self::State;
 
     /// Restores a saved state. The robot's state has already been restored. Returns `false` and changes
-    /// nothing if the state belongs to another engine, robot or world.
+    /// nothing if the state was saved with a different engine, robot or world.
     fn restore(&mut self, robot: &Robot, state: &Self::State) -> bool;
 
     /// Wakes all sleeping objects.
@@ -138,17 +139,18 @@ pub trait Engine: Sized {
     /// and angular \[rad/s\], world axes.
     fn set_object_velocity(&mut self, index: usize, linear: &Vector3<f64>, angular: &Vector3<f64>);
 
-    /// Connects two parts in their current poses. See [`Simulator::connect`]. A `lasting` connection persists
-    /// across resets.
+    /// Connects two parts in their current poses. See [`Simulator::connect`]. The last argument is `true` for
+    /// a connection that persists across resets.
     ///
     /// # Errors
     ///
-    /// [`ConnectError`]. The default implementation returns [`ConnectError::Unable`].
+    /// [`ConnectError`] if the parts cannot be connected. The default implementation returns
+    /// [`ConnectError::Unable`].
     fn connect(&mut self, _: (&Robot, &World), _: &Connection, _lasting: bool) -> Result<(), ConnectError> {
         Err(ConnectError::Unable { engine: Self::NAME })
     }
 
-    /// Removes the connections between two parts. Returns `false` if they have none.
+    /// Removes the connections between two parts. Returns `false` if the parts are not connected.
     fn disconnect(&mut self, _: (&Robot, &World), _: [&str; 2]) -> bool {
         false
     }
@@ -162,7 +164,8 @@ pub trait Engine: Sized {
     /// passed more than once.
     ///
     /// The default implementation assumes that the forces passed by [`visit_contacts`](Self::visit_contacts)
-    /// act during the whole step. Engines with several integration steps per step sum their impulses instead.
+    /// act during the whole step. Engines with several integration steps per simulation step override this
+    /// method and sum the impulses of all integration steps.
     #[expect(clippy::type_complexity, reason = "a visitor of three values")]
     fn visit_impulses(&self, dt: f64, visit: &mut dyn FnMut(&str, &Vector3<f64>, &Vector3<f64>)) {
         self.visit_contacts(&mut |contact| {
@@ -176,9 +179,9 @@ pub trait Engine: Sized {
 
 /// A simulation of robots in a world with an engine `E`.
 ///
-/// Use it through its aliases [`ArticulatedSimulator`](crate::ArticulatedSimulator),
-/// [`RapierSimulator`](crate::RapierSimulator) and [`MujocoSimulator`](crate::MujocoSimulator), and the trait
-/// [`Simulator`].
+/// Create a simulation through its aliases [`ArticulatedSimulator`](crate::ArticulatedSimulator),
+/// [`RapierSimulator`](crate::RapierSimulator) and [`MujocoSimulator`](crate::MujocoSimulator), and use it
+/// through the trait [`Simulator`].
 pub struct Simulation<E> {
     pub(crate) robot: Robot,
     pub(crate) engine: E,
@@ -188,11 +191,12 @@ pub struct Simulation<E> {
 }
 
 impl<E: Engine> Simulation<E> {
-    /// Creates a simulation of `robot` in `world`, at rest at `q` (nq \[rad or m\]).
+    /// Creates a simulation of `robot` in `world`. The robot starts at rest at the configuration `q` (nq).
     ///
     /// # Errors
     ///
-    /// [`BuildError`]. Input that is doubtful but can be simulated causes [`warnings`](Simulator::warnings).
+    /// [`BuildError`] if the simulation cannot be built. Input that is doubtful but can be simulated causes
+    /// [`warnings`](Simulator::warnings).
     pub fn new(
         robot: impl Into<RobotSetup>,
         world: World,
@@ -207,13 +211,14 @@ impl<E: Engine> Simulation<E> {
         &self.world
     }
 
-    /// Creates a simulation of several robots in `world`, one [`Articulation`] each, at rest. `q` is their
-    /// configurations, one after the other. Names of links and joints must differ
-    /// ([`Model::prefixed`](motorium_robots::Model::prefixed)).
+    /// Creates a simulation of several robots in `world`. Each robot is an [`Articulation`] and starts at
+    /// rest. `q` contains the configurations of all robots, one after the other. Names of links and joints
+    /// must differ between robots ([`Model::prefixed`](motorium_robots::Model::prefixed)).
     ///
     /// # Errors
     ///
-    /// [`BuildError`]. Input that is doubtful but can be simulated causes [`warnings`](Simulator::warnings).
+    /// [`BuildError`] if the simulation cannot be built. Input that is doubtful but can be simulated causes
+    /// [`warnings`](Simulator::warnings).
     pub fn of_robots(
         robots: impl IntoIterator<Item = RobotSetup>,
         world: World,
@@ -247,8 +252,8 @@ impl<E: Engine> Simulation<E> {
         Ok(simulation)
     }
 
-    /// Returns one entry per drive: true if the acceleration limit of its setpoint changed its effort in the
-    /// last step ([`max_acceleration`](JointSetpoint::max_acceleration)).
+    /// Returns one entry per drive, which is `true` if the acceleration limit of the drive's setpoint changed
+    /// the effort in the last step ([`max_acceleration`](JointSetpoint::max_acceleration)).
     pub fn restrained(&self) -> &[bool] {
         &self.robot.state.restrained
     }

@@ -9,7 +9,8 @@ use crate::{
     Articulation, BuildWarning, Capabilities, ConnectError, Connection, JointSetpoint, ResetError, StepError,
 };
 
-/// Identifies an object of the world. Look it up once with [`Simulator::object`], outside the loop.
+/// Identifies an object of the world. Look up the identifier once with [`Simulator::object`], outside the
+/// control loop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct ObjectId(pub(crate) usize);
 
@@ -23,9 +24,9 @@ impl ObjectId {
 /// A contact point between two surfaces.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Contact<'a> {
-    /// Name of the first robot link or object, `"ground"` or `"terrain"`.
+    /// First part in contact: the name of a robot link or object, `"ground"` or `"terrain"`.
     pub first: &'a str,
-    /// Name of the second robot link or object, `"ground"` or `"terrain"`.
+    /// Second part in contact: the name of a robot link or object, `"ground"` or `"terrain"`.
     pub second: &'a str,
     /// Position of the contact point in the world \[m\].
     pub point: Point3<f64>,
@@ -35,15 +36,15 @@ pub struct Contact<'a> {
     pub depth: f64,
     /// Normal force during the last step \[N\].
     pub force: f64,
-    /// Friction force on `second` during the last step, in the world \[N\]; zero with rapier, which does not
-    /// report it.
+    /// Friction force on `second` during the last step, in the world \[N\]; zero with the rapier engine,
+    /// which does not report friction forces.
     pub friction: Vector3<f64>,
 }
 
 /// The first point hit by a ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RayHit<'a> {
-    /// Name of the robot link or object that was hit, `"ground"` or `"terrain"`.
+    /// Part that was hit: the name of a robot link or object, `"ground"` or `"terrain"`.
     pub name: &'a str,
     /// Distance from the origin of the ray \[m\].
     pub distance: f64,
@@ -53,10 +54,10 @@ pub struct RayHit<'a> {
     pub normal: Vector3<f64>,
 }
 
-/// Snapshot of a simulator that includes everything that affects its next steps, warm starts included.
+/// Snapshot of a simulator with everything that affects its next steps, including warm starts.
 ///
-/// [`Simulator::restore`] restores it bit for bit: the steps after a restore equal the steps after the
-/// [`Simulator::save`].
+/// [`Simulator::restore`] restores the snapshot bit for bit: the steps after a restore equal the steps after
+/// the [`Simulator::save`].
 pub struct SavedState(pub(crate) Box<dyn Any + Send + Sync>);
 
 impl core::fmt::Debug for SavedState {
@@ -65,10 +66,11 @@ impl core::fmt::Debug for SavedState {
     }
 }
 
-/// The saved state belongs to another engine, robot or world.
+/// The saved state is from a different engine, robot or world.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "the saved state belongs to another engine, robot or world; restore it into the simulator that saved it, or one built in the same way"
+    "the saved state is from a different engine, robot or world; restore it into the simulator that saved \
+     it, or into a simulator built in the same way"
 )]
 pub struct ForeignState;
 
@@ -79,11 +81,11 @@ pub struct StepReport {
     pub saturated: usize,
     /// Number of joints at a position limit.
     pub at_limit: usize,
-    /// Number of joints above their velocity limit. The limit is not enforced, because nothing in the joint
-    /// limits its velocity.
+    /// Number of joints above their velocity limit. The simulation counts these joints, but does not slow
+    /// them down.
     pub overspeed: usize,
-    /// `true` if a contact of a robot was close enough for the contact solver to act on it. Always true with
-    /// rapier.
+    /// `true` if a contact of a robot was close enough for the contact solver to act on it. Always `true`
+    /// with the rapier engine.
     pub near_contact: bool,
 }
 
@@ -124,8 +126,8 @@ pub struct StepReport {
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub trait Simulator {
-    /// Returns the articulations. There are several if several robots are simulated and at least one has a
-    /// floating base.
+    /// Returns the articulations. There are several articulations if several robots are simulated and at
+    /// least one robot has a floating base.
     fn articulations(&self) -> &[Articulation];
 
     /// Returns the model of the first articulation.
@@ -133,14 +135,15 @@ pub trait Simulator {
         self.articulations()[0].model()
     }
 
-    /// Returns warnings about the model or the world, in the order of detection. They are not printed.
+    /// Returns warnings about the model or the world, in the order of detection. The simulator does not print
+    /// warnings.
     fn warnings(&self) -> &[BuildWarning];
 
     /// Returns the configuration of all articulations (nq). A floating base comes first, as in
     /// [`motorium_robots`].
     fn configuration(&self) -> &[f64];
 
-    /// Returns the velocity of all articulations (nv).
+    /// Returns the velocity vector of all articulations (nv).
     fn velocity(&self) -> &[f64];
 
     /// Returns the names of the drives: joints, then rotors.
@@ -157,14 +160,15 @@ pub trait Simulator {
     /// last substep.
     fn efforts(&self) -> &[f64];
 
-    /// Returns the commands for modification, one per drive. Commands persist until changed.
+    /// Returns the commands of all drives for modification. Commands persist until changed.
     fn commands_mut(&mut self) -> &mut [JointSetpoint];
 
     /// Advances robots and objects by `dt` \[s\].
     ///
     /// # Errors
     ///
-    /// [`StepError`]; the simulation then keeps its state from before the step. The state never contains NaN.
+    /// [`StepError`] if the step fails. The simulation then keeps its state from before the step. The state
+    /// never contains NaN.
     fn step(&mut self, dt: f64) -> Result<StepReport, StepError>;
 
     /// Resets the robots to `q` (nq) and `v` (nv), and the objects to the poses and velocities of the world
@@ -172,24 +176,26 @@ pub trait Simulator {
     ///
     /// # Errors
     ///
-    /// [`ResetError`]; nothing is changed then.
+    /// [`ResetError`] if the state is invalid. The simulation is then unchanged.
     fn reset(&mut self, q: &[f64], v: &[f64]) -> Result<(), ResetError>;
 
-    /// Places one articulation at configuration `q` and velocity `v` (its nq and nv). Objects and other
-    /// articulations continue their motion, and see a body that moves with `v` and that nothing deflects.
+    /// Places one articulation at the configuration `q` (nq) and the velocity `v` (nv). All other
+    /// articulations and the objects continue their motion. For them, the placed articulation moves with `v`,
+    /// and nothing deflects it.
     ///
     /// The articulation stays placed until [`release`](Self::release) or a [reset](Self::reset): forces,
-    /// commands, limits and contacts do not move it. During each step its links move from their pose at the
-    /// end of the last step to `q`; after the step its state is exactly `q` and `v`. To move it, place it
-    /// before every step. To stop it, place it with zero velocity. Its drives have no effort.
+    /// commands, limits and contacts do not move it. During each step, its links move from their poses at the
+    /// end of the last step to `q`; after the step, its state is exactly `q` and `v`. To move the
+    /// articulation, place it before every step. To stop the articulation, place it with zero velocity. The
+    /// drives of a placed articulation apply no effort.
     ///
     /// After a discontinuity, or in a step without a new placement, `v` may differ from the mean velocity of
-    /// the step. If it differs by more than half of its norm, the links arrive at `q` along `v` instead, so
+    /// the step. If the difference exceeds half of the norm of `v`, the links arrive at `q` along `v`, so
     /// that the discontinuity does not throw objects away.
     ///
     /// # Errors
     ///
-    /// [`ResetError`]; nothing is changed then.
+    /// [`ResetError`] if the state is invalid. The simulation is then unchanged.
     ///
     /// # Panics
     ///
@@ -238,12 +244,12 @@ pub trait Simulator {
     /// Saves the whole state, including everything that affects the next steps. Allocates.
     fn save(&self) -> SavedState;
 
-    /// Restores a saved state, commands and gravity included. May allocate.
+    /// Restores a saved state, including commands and gravity. May allocate.
     ///
     /// # Errors
     ///
-    /// [`ForeignState`] if the state was saved by a simulator of another engine, robot or world; nothing is
-    /// changed then.
+    /// [`ForeignState`] if the state was saved with a different engine, robot or world. The simulation is
+    /// then unchanged.
     fn restore(&mut self, state: &SavedState) -> Result<(), ForeignState>;
 
     /// Applies `force` \[N\] and `torque` \[Nm\], both in world axes, at `point` \[m, link axes\] of a link
@@ -307,13 +313,14 @@ pub trait Simulator {
     /// world axes. A fixed object stays at rest.
     fn set_object_velocity(&mut self, object: ObjectId, linear: Vector3<f64>, angular: Vector3<f64>);
 
-    /// Connects two parts in their current poses by a ball joint or rigidly. The connection persists until
-    /// [`detach`](Self::detach), also across resets. Connected parts do not collide with each other. Memory
-    /// is allocated here, not in a step.
+    /// Connects two parts in their current poses, either by a ball joint or rigidly. The connection persists
+    /// until [`detach`](Self::detach). A reset does not remove it. Connected parts do not collide with each
+    /// other. Only this call allocates memory; later steps do not.
     ///
     /// # Errors
     ///
-    /// [`ConnectError`]. Only `physics.articulated` supports connections.
+    /// [`ConnectError`] if the parts cannot be connected. Only the engine of `physics.articulated` supports
+    /// connections.
     ///
     /// # Example
     ///
@@ -340,15 +347,16 @@ pub trait Simulator {
     /// ```
     fn connect(&mut self, connection: &Connection) -> Result<(), ConnectError>;
 
-    /// Fixes one part to another in their current poses, such as an object to a hand, until
+    /// Fixes one part to another part in their current poses, such as an object to a hand, until
     /// [`detach`](Self::detach) or the next reset.
     ///
     /// # Errors
     ///
-    /// [`ConnectError`]. Only `physics.articulated` supports connections.
+    /// [`ConnectError`] if the parts cannot be connected. Only the engine of `physics.articulated` supports
+    /// connections.
     fn attach(&mut self, first: &str, second: &str) -> Result<(), ConnectError>;
 
-    /// Removes all connections between two parts. Returns `false` if they have none.
+    /// Removes all connections between two parts. Returns `false` if the parts are not connected.
     fn detach(&mut self, first: &str, second: &str) -> bool;
 
     /// Calls `visit` with every contact point of the last step.

@@ -1,4 +1,4 @@
-//! Unwrapping of angles and sign alignment of quaternions: the same movement without discontinuities.
+//! Removal of discontinuities from movements: angles are unwrapped, and signs of quaternions are aligned.
 
 use std::f64::consts::TAU;
 
@@ -16,7 +16,7 @@ pub enum Removed {
         /// Full turn in the unit of the channel: 2 pi or 360.
         turn: f64,
     },
-    /// A quaternion whose sign changed; the rotation is the same.
+    /// A quaternion whose sign changed, although the rotation it represents did not.
     Signs {
         /// Names of its four channels.
         names: [String; 4],
@@ -33,15 +33,17 @@ const SLACK: f64 = 1e-3;
 const LARGEST_STEP: f64 = 0.25;
 
 impl Recording {
-    /// Returns the movement with continuous angles and quaternions, and the removed discontinuities.
+    /// Makes angles and quaternions of a movement continuous. Returns the movement and the removed
+    /// discontinuities.
     ///
     /// A channel is an angle if all its values are within one turn and it changes by almost a full turn
     /// between two samples. The range of one turn is -pi to pi or 0 to 2 pi, or the equivalent range in
     /// degrees.
     ///
     /// Four channels are a quaternion if all samples have the norm 1 and the channels have matching names.
-    /// The names are `qx`, `qy`, `qz` and `qw`, in any order and with other prefixes or suffixes such as
-    /// `orientation.x`. Consecutive numbers such as `q0` to `q3` also match.
+    /// Names match if they differ only in one letter `x`, `y`, `z` or `w`, such as `qx`, `qy`, `qz` and `qw`,
+    /// or `orientation.x` to `orientation.w`. Names with four consecutive numbers, such as `q0` to `q3`, also
+    /// match.
     #[must_use]
     pub fn continuous(mut self) -> (Self, Vec<Removed>) {
         let mut removed = Vec::new();

@@ -15,9 +15,9 @@ const FEWEST_PERIODS: f64 = 0.1;
 const UNEVENNESS: f64 = 0.01;
 
 impl Recording {
-    /// Returns the recording as evenly spaced samples (samples x channels), without changing their number. If
-    /// all times are even to 1 % of a step, the values are returned unchanged. Otherwise they are
-    /// interpolated as by [`evenly`](Self::evenly).
+    /// Returns a matrix (samples x channels) with the same number of samples, evenly spaced in time. If all
+    /// times are even to 1 % of a step, the values are returned unchanged. Otherwise they are interpolated as
+    /// by [`evenly`](Self::evenly).
     pub fn evenly_spaced(&self) -> DMatrix<f64> {
         let step = self.duration() / (self.samples() - 1) as f64;
         let is_even = self
@@ -28,18 +28,18 @@ impl Recording {
         if is_even { self.values.clone() } else { self.interpolated(self.samples()) }
     }
 
-    /// Resamples to `samples` evenly spaced samples (samples x channels) by cubic interpolation, filtered
-    /// with `cutoff` \[Hz\].
+    /// Returns the recording resampled to `samples` evenly spaced samples, as a matrix (samples x channels).
+    /// Values are interpolated by a cubic spline and, with a `cutoff` \[Hz\], smoothed by a low-pass filter.
     ///
     /// The interpolation is a cubic Hermite spline whose slopes come from a parabola through each sample and
     /// its neighbours. The filter is a Gaussian in time with the standard deviation
-    /// `sqrt(ln 2) / (2 pi cutoff)`, whose power at the cutoff is one half. It has no delay and no overshoot.
-    /// At the ends the recording is continued by point reflection, so that the first and last sample do not
-    /// change.
+    /// `sqrt(ln 2) / (2 pi cutoff)`, which halves the power at the cutoff frequency. The filter has no delay
+    /// and no overshoot. Beyond both ends, the recording continues as its own point reflection, so the filter
+    /// does not change the first and the last sample.
     ///
     /// # Errors
-    /// There are fewer than two samples, the cutoff is not positive, or its period is over ten times the
-    /// duration.
+    /// `samples` is less than 2, the cutoff is not positive, or the period of the cutoff frequency is over
+    /// ten times the duration.
     pub fn evenly(&self, samples: usize, cutoff: Option<f64>) -> Result<DMatrix<f64>, RecordingError> {
         if samples < 2 {
             return Err(RecordingError::TooShort { found: samples, expected: 2 });
@@ -75,7 +75,7 @@ impl Recording {
         Ok(filtered)
     }
 
-    /// Returns a continuous curve through the samples, with the interpolation of [`evenly`](Self::evenly).
+    /// Returns a continuous curve through the samples, interpolated as by [`evenly`](Self::evenly).
     pub fn interpolation(&self) -> Interpolation {
         Interpolation { times: self.times.clone(), values: self.values.clone(), slopes: self.slopes() }
     }

@@ -291,7 +291,7 @@ fn arrays(place: &Place, object: &Map<String, Value>) -> Result<Vec<(String, Vec
     let width = rows.first().map_or(0, Vec::len);
     if let Some(k) = rows.iter().position(|row| row.len() != width) {
         let found = format!("{} numbers in sample {}", rows[k].len(), k + 1);
-        return Err(malformed(place, found, &format!("{width}, as in the first")));
+        return Err(malformed(place, found, &format!("{width}, as in the first sample")));
     }
     if !names.is_empty() && names.len() != width {
         let found = format!("{} names", names.len());

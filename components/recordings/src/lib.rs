@@ -9,39 +9,42 @@
 //!
 //! **Tables.** Byte-order marks, quotes and CRLF are supported; lines that start with `#` are comments.
 //!
-//! **Samples in JSON.** A sample is a list of numbers or an object. A state buffer (under `value` or not)
-//! provides its field `position`, any other object all its numbers.
+//! **Samples in JSON.** A sample is a list of numbers or an object. An object with a field `position`, such
+//! as a joint state, provides the numbers of this field; any other object provides all its numbers. The
+//! object may also be nested under the key `value`.
 //!
-//! **MCAP.** Each message provides the array of numbers `position` or [`Selection::field`], named by the
-//! strings in an adjacent `name`. A list of tables, such as the joints of `foxglove.JointStates`, provides
-//! the number of each table. The channel is [`Selection::topic`]. By default it is the only channel with such
-//! numbers, or the only one with joint states. Times are log times.
+//! **MCAP.** Each message provides the array of numbers in its field `position` or [`Selection::field`]. The
+//! strings in a field `name` next to the array are the names of the channels. A list of tables, such as the
+//! joints of `foxglove.JointStates`, provides one number for each table. The channel is [`Selection::topic`].
+//! By default, the channel is the only channel with such numbers or, if there are several, the only channel
+//! with joint states. Times are log times.
 //!
 //! **Recordings in JSON.** A recording is an object with an array of numbers for each channel, or with
-//! `positions` (an array of samples) and `names`. `label` or `letter` is the kind of movement, `id` or `demo`
-//! its name. `duration` (s) or `rate` (Hz) defines its timing. Arrays that are all named `v` plus a letter or
-//! a number (`vx`, `vy`) are velocities and are integrated.
+//! `positions` (an array of samples) and `names`. `label` or `letter` is the kind of movement, and `id` or
+//! `demo` is the name of the recording. `duration` (s) or `rate` (Hz) defines the timing of the samples.
+//! Arrays that are all named `v` plus a letter or a number (`vx`, `vy`) are velocities and are integrated.
 //!
 //! **Time.** A column, field or array `time_s`, `time`, `t`, `timestamp`, `__time`, `log_time` or `%time`
-//! contains the time of a sample; `dt_s`, `dt` or `frame_dt` contains the time until the next one, s.
+//! contains the time of a sample; `dt_s`, `dt` or `frame_dt` contains the time until the next sample, s.
 //! Otherwise samples are evenly spaced at [`Selection::rate`].
 //!
-//! **Units of time.** `time_s`, `time_ms`, `time_us` and `time_ns` (or `t_`, `timestamp_`) state their unit,
-//! as do `Time [ms]` and `time (ms)`; case does not matter. Other names contain seconds, or times since 1970
-//! in s, ms, us or ns, recognised by their magnitude. Numbers too far apart for seconds are rejected, and so
-//! is a gap caused by setting the clock.
+//! **Units of time.** The names `time_s`, `time_ms`, `time_us` and `time_ns` state the unit, and so do names
+//! such as `t_ms`, `timestamp_ms`, `Time [ms]` and `time (ms)`. Upper and lower case are equivalent. Columns
+//! with other names contain seconds, or times since 1970 whose unit (s, ms, us or ns) is recognised by their
+//! magnitude. Numbers that are too far apart to be seconds are rejected. A gap caused by setting the clock is
+//! also rejected.
 //!
 //! **Tables of `motorium export`.** The columns `sequence`, `publish_time_ns`, `source_time_ns` and `episode`
 //! are not channels.
 //!
-//! **Velocities.** A column `NAME_velocity` next to a column `NAME` is the velocity of that channel and not a
-//! channel.
+//! **Velocities.** A column `NAME_velocity` next to a column `NAME` is the velocity of that channel, not a
+//! separate channel.
 //!
 //! **Motion capture.** [`Skeleton`] reads skeletons and motions in the formats Acclaim (`.asf` and `.amc`)
 //! and Biovision (`.bvh`) and computes the directions of limbs. [`retarget`](mod@retarget) finds the joint
 //! positions of a robot whose limbs have these directions.
 //!
-//! Every number is finite: NaN and infinite values are rejected with their position.
+//! NaN and infinite values are rejected, with their position in the file.
 //!
 //! ```
 //! use motorium_recordings::{Selection, read_text};
@@ -80,7 +83,7 @@ pub use skeleton::{Limb, Skeleton, Trunk};
 
 use nalgebra::DMatrix;
 
-/// Samples of several channels with their times.
+/// A recorded movement: samples of several channels, with the time of each sample.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recording {
     id: String,
@@ -92,8 +95,8 @@ pub struct Recording {
 }
 
 impl Recording {
-    /// Creates a recording of `values` (samples x channels) at increasing `times` (s, one per sample),
-    /// without id and label.
+    /// Creates a recording without id and label. `values` is a matrix (samples x channels), and `times`
+    /// contains the increasing time of each sample, s.
     ///
     /// # Errors
     /// There are fewer than two samples or no channel, lengths differ, times do not increase, or a value is

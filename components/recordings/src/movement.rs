@@ -12,7 +12,7 @@ use crate::{Recording, Selection};
 enum Joints {
     /// Arrays of names and numbers: `sensor_msgs/msg/JointState`, `motorium.JointState`.
     Arrays,
-    /// An array of tables, one per joint: `foxglove.JointStates`.
+    /// An array with one table for each joint: `foxglove.JointStates`.
     Tables,
 }
 

@@ -1,4 +1,4 @@
-//! Column names: times, velocities, and the channels that a caller selects.
+//! Recognition of column names: times, velocities, and the channels that a caller selects.
 
 use crate::error::{Place, RecordingError};
 use crate::selection::Selection;

@@ -1,4 +1,4 @@
-//! Reading files and folders.
+//! Functions that read recordings from files and folders.
 
 use std::path::{Path, PathBuf};
 

@@ -1,7 +1,8 @@
-//! Retargeting: finds joint positions at which a robot's limbs point in the same directions as a human's.
+//! Retargeting: finds joint positions at which a robot's limbs point in the same directions as the limbs of a
+//! human.
 //!
 //! Each sample is a damped least-squares problem on the directions of the limbs, within the position limits.
-//! It starts from the previous sample and stays close to it:
+//! The solution starts from the joint positions of the previous sample and stays close to them:
 //! `min over q of sum_l |u_l(q) - d_l|^2 + w |q - q_before|^2`, with the unit directions `u_l` of limb `l` of
 //! the robot and `d_l` of the human. The first sample starts from the home pose and from configurations
 //! spread over the limits.
@@ -14,8 +15,8 @@ use crate::{Recording, RecordingError};
 /// A limb of a robot.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RobotLimb {
-    /// Name of the corresponding human limb. The channels with its direction are this name with `_x`, `_y`
-    /// and `_z` appended.
+    /// Name of the corresponding human limb. The direction of the limb is in the channels `NAME_x`, `NAME_y`
+    /// and `NAME_z`.
     pub name: String,
     /// Frame at the start of the limb.
     pub from: FrameId,
@@ -33,8 +34,8 @@ pub struct RetargetOptions {
     /// Weight of the joint motion since the previous sample, relative to the squared direction error,
     /// 1/rad^2. Default: 1e-3.
     pub posture: f64,
-    /// Minimum step of a joint between two samples that is reported as a change of branch, rad or m. Default:
-    /// 0.5.
+    /// Smallest step of a joint between two samples that is reported as a [change of branch](BranchChange),
+    /// rad or m. Default: 0.5.
     pub branch: f64,
 }
 
@@ -55,7 +56,7 @@ pub struct BranchChange {
     pub step: f64,
 }
 
-/// The result of [`retarget`].
+/// The joint positions found by [`retarget`], and measures of the quality of these positions.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Retargeted {
     /// Positions of the joints that move the limbs, rad or m; one channel per joint.
@@ -208,8 +209,8 @@ fn changes_branch(step: f64, turned: f64, least: f64) -> bool {
 /// Finds joint positions at which a robot's limbs point in the recorded directions.
 ///
 /// `directions` has the channels `LIMB_x`, `LIMB_y` and `LIMB_z` of each limb, in the world frame of the
-/// robot. `home` is the configuration (`nq` numbers). The base and joints that do not move a limb stay at
-/// `home`.
+/// robot. `home` is the home configuration of the robot (`nq` numbers). The base and joints that do not move
+/// a limb stay at `home`.
 ///
 /// # Errors
 /// A channel is missing, or `home` has the wrong length.

@@ -13,9 +13,10 @@ pub struct Selection {
     /// Names of the channels to keep, in this order; a name that ends in `*` matches a prefix. Default: all.
     pub channels: Vec<String>,
     /// Name of an MCAP channel, such as `/joint_states`. Default: the only channel with numbers in the field
-    /// or, if there are several, the only one with joint states.
+    /// or, if there are several, the only channel with joint states.
     pub topic: Option<String>,
-    /// Samples per second of recordings without times. Default: none; recordings without times are rejected.
+    /// Samples per second of recordings without times. Default: no rate; recordings without times are
+    /// rejected.
     pub rate: Option<f64>,
 }
 

@@ -39,7 +39,7 @@ pub struct Skeleton {
     pub(crate) channels: Vec<String>,
 }
 
-/// A limb: from one joint of a skeleton to another.
+/// A limb of a skeleton: the straight line from one joint to another.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Limb {
     /// Name, such as `right_forearm`.
@@ -67,7 +67,7 @@ impl Skeleton {
         self.joints.iter().map(|joint| joint.name.as_str())
     }
 
-    /// Returns the names of the channels, in their order.
+    /// Returns the names of the channels in order.
     pub fn channels(&self) -> &[String] {
         &self.channels
     }

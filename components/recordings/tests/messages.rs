@@ -192,7 +192,7 @@ fn truncated_messages_are_rejected() {
         assert!(decoder.decode(&whole[..length]).is_err(), "{length} bytes");
     }
     let long = [whole, vec![0; 12]].concat();
-    assert!(decoder.decode(&long).unwrap_err().to_string().contains("schema describes another message"));
+    assert!(decoder.decode(&long).unwrap_err().to_string().contains("schema does not describe this message"));
     let huge = Decoder::new("cdr", Some(&schema("a/msg/B", "ros2msg", "float64[] x\n"))).unwrap();
     let error = huge.decode(&[0, 1, 0, 0, 255, 255, 255, 255]).unwrap_err().to_string();
     assert_eq!(error, "an array of 4294967295 entries, with 0 bytes left");
@@ -273,7 +273,10 @@ fn ambiguous_channels_require_a_topic() {
     );
     let file = written(folder.path(), &[("/text", r#"{"a": "b"}"#), ("/ros1", "?")]);
     let error = refusal(&file, &Selection::default()).to_string();
-    assert_eq!(error, "no channel has numbers `position`; its channels are `/text` (json), `/ros1` (ros1)");
+    assert_eq!(
+        error,
+        "no channel has numbers `position`; the channels of the file are `/text` (json), `/ros1` (ros1)"
+    );
     let ros1 = Selection { topic: Some("/ros1".into()), ..Selection::default() };
     let error = refusal(&file, &ros1).to_string();
     assert_eq!(

@@ -7,8 +7,8 @@ use nalgebra::{Unit, Vector3};
 use crate::channel::SettingError;
 use crate::pinhole::Pinhole;
 
-/// A range of colours by hue, regardless of brightness. It selects pixels by the direction of their levels in
-/// colour space.
+/// A range of colours by hue, regardless of brightness. A pixel matches if the direction of its levels in
+/// colour space is in this range.
 ///
 /// Under white light the levels of a matt surface are its colour times a scalar. Light and shadow therefore
 /// do not change the angle between the levels and the colour.
@@ -31,9 +31,9 @@ pub struct Hue {
 }
 
 impl Hue {
-    /// Creates a hue from a colour: red, green and blue, 0 to 1. The hue selects a pixel if the angle between
-    /// its levels and `colour`, both as vectors, is at most `tolerance` \[rad\], and its brightest channel is
-    /// at least `least`, 0 to 255.
+    /// Creates a hue from a colour: red, green and blue, 0 to 1. A pixel matches if the angle between its
+    /// levels and `colour`, both as vectors, is at most `tolerance` \[rad\], and its brightest channel is at
+    /// least `least`, 0 to 255.
     ///
     /// # Errors
     /// [`SettingError`] if the colour is black or a number is out of range.
@@ -71,12 +71,12 @@ pub struct Blob {
     pub direction: Unit<Vector3<f64>>,
     /// Solid angle covered by the pixels \[sr\].
     pub solid_angle: f64,
-    /// `true` if a pixel is at the edge of the image; the object may then extend beyond it.
+    /// `true` if a pixel is at the edge of the image; the object may then extend beyond the image.
     pub on_edge: bool,
 }
 
 impl Blob {
-    /// Finds the pixels of a hue in an RGB image; `None` if there are fewer than `least`. `stride` is the
+    /// Finds the pixels of a hue in an RGB image; `None` if fewer than `least` pixels match. `stride` is the
     /// number of bytes per row. Rows beyond the end of `picture` count as empty.
     ///
     /// ```
@@ -122,8 +122,8 @@ impl Blob {
     }
 }
 
-/// An alpha-beta filter: estimates the position and velocity of a point that moves at constant velocity, with
-/// fixed gains, critically damped.
+/// An alpha-beta filter: estimates the position and velocity of a point that moves at constant velocity. The
+/// gains are fixed and give critical damping.
 ///
 /// With the smoothing `s` and the error `r` of the predicted position, a measurement after a time `dt` adds
 /// `(1 - s^2) r` to the position and `(1 - s)^2 r / dt` to the velocity.

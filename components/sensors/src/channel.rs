@@ -6,8 +6,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::noise::Noise;
 
-/// Error model of a sensor of one quantity. Values are in the unit of the quantity and the same for each
-/// axis. The default is an ideal sensor.
+/// Error model of a sensor of one quantity. Values are in the unit of the quantity, and each value applies to
+/// all axes. The default is an ideal sensor.
 ///
 /// ```text
 /// y = clamp(resolution * round(((1 + s) x + b(t) + n) / resolution), -range, range)
@@ -42,7 +42,7 @@ pub struct ErrorModel {
     /// Increment to which readings are rounded. Default 0: no rounding.
     #[schemars(range(min = 0.0))]
     pub resolution: f64,
-    /// Maximum magnitude of a reading, at which it saturates. Default: unlimited.
+    /// Maximum magnitude of a reading. A larger value saturates at this magnitude. Default: unlimited.
     #[schemars(range(min = 0.0))]
     pub range: Option<f64>,
 }
@@ -84,7 +84,7 @@ impl Timing {
     /// Checks that `drop_out` is from 0 to 1.
     ///
     /// # Errors
-    /// [`SettingError`] if it is out of range.
+    /// [`SettingError`] if `drop_out` is out of range.
     pub fn check(&self) -> Result<(), SettingError> {
         if (0.0..=1.0).contains(&self.drop_out) {
             Ok(())
@@ -134,9 +134,8 @@ impl Channel {
         Self::from_parts(name, vec![*errors], axes, seed, [first, first + 1, first + 2, first + 3])
     }
 
-    /// Creates a sensor with separate errors for each axis. `streams` lists the numbers of the noise streams
-    /// of the seed from which bias, scale error, noise of the readings and bias walk are sampled, in this
-    /// order.
+    /// Creates a sensor with separate errors for each axis. `streams` lists the numbers of the seed's noise
+    /// streams: one stream each for bias, scale error, noise of the readings and bias walk, in this order.
     ///
     /// # Errors
     /// [`SettingError`] if a number is negative or not finite.
@@ -182,7 +181,7 @@ impl Channel {
         Ok(Self { noise: Noise::new(seed, noise), walk: Noise::new(seed, walk), bias, scale, errors })
     }
 
-    /// Replaces the true values, one per axis, by a reading. `dt` \[s\] is the time since the last reading.
+    /// Replaces the true value of each axis by a reading. `dt` \[s\] is the time since the last reading.
     ///
     /// # Panics
     /// If the number of values differs from the number of axes.

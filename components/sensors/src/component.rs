@@ -31,10 +31,10 @@ pub use robot::Mount;
 
 /// A component that publishes the readings of the joint sensors of a robot.
 ///
-/// Each joint state is sampled once, at the first tick that sees it. The reading is published once, at the
-/// first tick after its latency, with the source time of the sampled state. When joint states stop arriving,
-/// readings stop as well. Differentiated velocities use the run time of the states, which is free of
-/// publication jitter.
+/// Each joint state is sampled once, at the first step that reads the state. The reading is published once,
+/// at the first step after its latency, with the source time of the sampled state. When joint states stop
+/// arriving, the component stops publishing readings. Differentiated velocities use the run time of the
+/// states, which is free of publication jitter.
 #[derive(Debug)]
 pub struct JointEncoder {
     state: Input<JointState>,
@@ -184,7 +184,7 @@ fn build(
         .map_err(|error| ConfigError::key(error.setting(), error.to_string()))
 }
 
-/// Returns the component kinds of this crate, for a host program.
+/// Returns the component kinds of this crate, which a host program registers.
 ///
 /// ```
 /// let names: Vec<_> = motorium_sensors::kinds().iter().map(|kind| kind.name).collect();

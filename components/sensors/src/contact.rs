@@ -5,8 +5,8 @@ use crate::channel::{Channel, ErrorModel, SettingError};
 /// Contact sensors of a robot's feet: each measures a force with errors, from which a switch with hysteresis
 /// derives contact.
 ///
-/// Contact starts with the reading at which the force reaches `on` and ends with the reading at which it
-/// falls below `off`.
+/// Contact starts with the reading at which the force reaches `on` and ends with the reading at which the
+/// force falls below `off`.
 ///
 /// ```
 /// use motorium_sensors::channel::ErrorModel;
@@ -51,7 +51,7 @@ impl ContactModel {
         Ok(Self { force: Channel::new("force", force, feet, seed, 0)?, on, off, contacts: vec![false; feet] })
     }
 
-    /// Replaces the true forces \[N\], one per foot, by readings, and updates the switches. `dt` \[s\] is the
+    /// Replaces the true force of each foot \[N\] by a reading, and updates the switches. `dt` \[s\] is the
     /// time since the last reading.
     pub fn measure(&mut self, dt: f64, forces: &mut [f64]) {
         self.force.measure(dt, forces);

@@ -3,8 +3,8 @@
 /// A delay line for time-stamped frames of values. A frame sampled at `t` becomes readable at `t + latency`,
 /// exact to the nanosecond.
 ///
-/// If several frames become due between two reads, only the newest is returned. Memory for all frames in
-/// flight is allocated at construction.
+/// If several frames become due between two reads, only the newest frame is returned. Memory for all frames
+/// in flight is allocated at construction.
 #[derive(Clone, Debug)]
 pub struct DelayLine {
     latency: u64,
@@ -23,7 +23,7 @@ impl DelayLine {
     /// Creates a line for frames of `width` values that arrive at least `shortest_period` \[ns\] apart and
     /// are delayed by `latency_ns` \[ns\].
     ///
-    /// If frames arrive faster, the oldest ones are discarded and counted by [`lost`](Self::lost).
+    /// If frames arrive faster, the oldest frames are discarded and counted by [`lost`](Self::lost).
     pub fn new(latency_ns: u64, width: usize, shortest_period: u64) -> Self {
         // When the last frame was read, its successor was not yet due. One period later, the successor is
         // less than the latency plus two periods old. It, the new frame and all in between must fit.
@@ -57,13 +57,13 @@ impl DelayLine {
     }
 
     /// Adds a frame sampled at `time` \[ns\] and returns its slice, which the caller fills. A time earlier
-    /// than the last frame's means that the clock restarted, and clears the line.
+    /// than the last frame's means that the clock was restarted, and clears the line.
     pub fn push(&mut self, time: u64) -> &mut [f64] {
         self.push_noted(time, 0)
     }
 
-    /// Like [`push`](Self::push), but attaches `note` to the frame, such as another time stamp.
-    /// [`read_noted`](Self::read_noted) returns the note with the frame.
+    /// Adds a frame like [`push`](Self::push), and attaches `note` to the frame, for example a second time
+    /// stamp. [`read_noted`](Self::read_noted) returns the note with the frame.
     pub fn push_noted(&mut self, time: u64, note: u64) -> &mut [f64] {
         if self.count > 0 && time < self.times[self.slot(self.count - 1)] {
             self.clear();
@@ -80,13 +80,13 @@ impl DelayLine {
     }
 
     /// Returns the newest frame that is due at `now` \[ns\], with its sampling time \[ns\]. A frame stays
-    /// readable until the next frame is due. `None` until the first frame is due.
+    /// readable until the next frame is due. Returns `None` until the first frame is due.
     pub fn read(&mut self, now: u64) -> Option<(u64, &[f64])> {
         self.read_noted(now).map(|(time, _, values)| (time, values))
     }
 
-    /// Like [`read`](Self::read), but also returns the note of the frame: 0 for a frame pushed without a
-    /// note.
+    /// Reads a frame like [`read`](Self::read), and also returns the note of the frame, which is 0 for a
+    /// frame pushed without a note.
     pub fn read_noted(&mut self, now: u64) -> Option<(u64, u64, &[f64])> {
         while self.count > 1 && self.is_due(1, now) {
             self.drop_oldest();

@@ -82,7 +82,7 @@ pub struct TangentPlane {
 }
 
 impl TangentPlane {
-    /// Creates the plane that touches the earth at a position, its origin.
+    /// Creates the plane that touches the earth at this position, which is the origin of the plane.
     pub fn tangent_at(place: &Geodetic) -> Self {
         let ((sin, cos), (sin_l, cos_l)) =
             (place.latitude.to_radians().sin_cos(), place.longitude.to_radians().sin_cos());

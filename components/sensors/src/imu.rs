@@ -83,8 +83,8 @@ impl ImuModel {
     }
 
     /// Samples the motion at a time \[ns\] and returns the reading for the interval since the last sample.
-    /// Returns `None` for the first sample, and for a time that is not after the last one, which restarts the
-    /// motion.
+    /// Returns `None` for the first sample. A time that is not after the previous sample's restarts the
+    /// motion, and also returns `None`.
     pub fn sample(&mut self, time_ns: u64, motion: &SensorMotion) -> Option<ImuReading> {
         let (since, before) = self.last.replace((time_ns, *motion))?;
         let dt = time_ns.checked_sub(since).filter(|ns| *ns > 0)? as f64 * 1e-9;
@@ -98,7 +98,7 @@ impl ImuModel {
         Some(ImuReading { specific_force: force, angular_velocity: rate })
     }
 
-    /// Returns the current biases of gyroscope \[rad/s\] and accelerometer \[m/s2\], per axis.
+    /// Returns the current biases of each axis of the gyroscope \[rad/s\] and of the accelerometer \[m/s2\].
     pub fn biases(&self) -> (Vector3<f64>, Vector3<f64>) {
         let bias = |channel: &Channel| Vector3::from_column_slice(channel.bias());
         (bias(&self.gyroscope), bias(&self.accelerometer))

@@ -17,11 +17,11 @@
 //!   `sensor.force_torque`, `sensor.imu`, `sensor.contact`, `sensor.altimeter`, `sensor.magnetometer`,
 //!   `sensor.gps`, `sensor.ray`, `sensor.lidar`, `sensor.height_scan`, `sensor.depth_camera`,
 //!   `sensor.camera`.
-//! - [`component::blob`]: `estimator.blob`, position of a coloured object.
-//! - [`component::estimator`]: `estimator.base`, the state of a legged base.
-//! - [`component::merge`]: `joint.merge`, joint state of a robot from several publishers.
+//! - [`component::blob`]: the component `estimator.blob`, which estimates the position of a coloured object.
+//! - [`component::estimator`]: the component `estimator.base`, which estimates the state of a legged base.
+//! - [`component::merge`]: the component `joint.merge`, which merges joint states from several publishers.
 //!
-//! The models depend on the runtime only for its unit of time, and only construction allocates.
+//! The models use only the runtime's unit of time, and allocate only during construction.
 //!
 //! ```
 //! use std::time::Duration;

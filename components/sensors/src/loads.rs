@@ -48,11 +48,12 @@ impl From<OutsideForce> for OutsideWrench {
     }
 }
 
-/// Computes the wrenches between the links of a robot, averaged between two samples of its motion.
+/// Computes the wrenches between the links of a robot, averaged over the time between two samples of the
+/// motion.
 ///
 /// A link and everything it carries have the total momentum `P`, the angular momentum `L` about the world
-/// origin, the mass `m` and the centre of mass `c`. Between two samples at `t` and `t + dt`, the joint that
-/// carries the link, moving or fixed, must have exerted the mean wrench of force `F` and torque `T`:
+/// origin, the mass `m` and the centre of mass `c`. Between two samples at `t` and `t + dt`, the movable or
+/// fixed joint that carries the link must have exerted the mean wrench of force `F` and torque `T`:
 ///
 /// ```text
 /// F = (P(t + dt) - P(t)) / dt - m g - sum f_i
@@ -61,7 +62,7 @@ impl From<OutsideForce> for OutsideWrench {
 ///
 /// Here `g` is the gravitational acceleration, and the external forces `f_i` act at the points `r_i`. No
 /// joint acceleration is needed, and an impact between the samples is fully included. Masses and inertias are
-/// the model's, scaled by a factor per link.
+/// the values in the model, scaled by a factor per link.
 ///
 /// ```
 /// use motorium_robots::{Kinematics, load};
@@ -133,7 +134,8 @@ impl Loads {
     }
 
     /// Adds the motion at a time and the mean external forces since the last sample. Returns `false` for the
-    /// first sample, and for a time that is not after the last one, which restarts the motion.
+    /// first sample. A time that is not after the previous sample's restarts the motion, and also returns
+    /// `false`.
     pub fn sample(
         &mut self,
         time_ns: u64,
@@ -144,7 +146,7 @@ impl Loads {
         self.sample_wrenches(time_ns, model, kinematics, outside.into_iter().map(OutsideWrench::from))
     }
 
-    /// Like [`sample`](Self::sample), but with mean external wrenches instead of forces.
+    /// Adds the motion like [`sample`](Self::sample), but with mean external wrenches instead of forces.
     pub fn sample_wrenches(
         &mut self,
         time_ns: u64,
@@ -196,8 +198,8 @@ impl Loads {
         }
     }
 
-    /// Returns the mean wrench that the joint above a link, moving or fixed, exerted on the link during the
-    /// interval up to the last sample.
+    /// Returns the mean wrench that the movable or fixed joint above a link exerted on the link during the
+    /// interval before the last sample.
     pub fn through(&self, link: FrameId) -> WorldWrench {
         self.wrenches[link.index()]
     }

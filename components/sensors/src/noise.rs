@@ -9,8 +9,9 @@ pub(crate) const DROP_OUTS: u64 = 1 << 20;
 
 /// A generator of standard normal numbers. Equal seeds and channels give equal sequences.
 ///
-/// PCG XSL RR 128/64 (O'Neill 2014), ziggurat sampling. Channels of one seed are independent, so switching
-/// the noise of one quantity on or off does not change the others.
+/// The generator is PCG XSL RR 128/64 (O'Neill 2014) with ziggurat sampling. Channels of one seed are
+/// independent, so switching the noise of one quantity on or off does not change the noise of other
+/// quantities.
 #[derive(Clone, Debug)]
 pub struct Noise {
     generator: Pcg64,

@@ -17,11 +17,12 @@ use crate::noise::Noise;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SensorRanges {
-    /// Scales noises and bias walks, from 0 to 100. Default 1.
+    /// Range of a factor on noises and bias walks. Both bounds must be between 0 and 100. Default 1.
     pub noise: Option<[f64; 2]>,
-    /// Scales the standard deviations of biases and scale errors, from 0 to 100. Default 1.
+    /// Range of a factor on the standard deviations of biases and scale errors. Both bounds must be between 0
+    /// and 100. Default 1.
     pub bias: Option<[f64; 2]>,
-    /// Latency instead of the sensor's configured latency. Default: the configured latency.
+    /// Range of the latency, which replaces the sensor's configured latency. Default: the configured latency.
     pub latency: Option<[TimeSpan; 2]>,
 }
 
@@ -100,7 +101,7 @@ impl SensorRanges {
 }
 
 impl SensorDraw {
-    /// Returns parameters that change nothing, for a sensor with this latency.
+    /// Returns parameters that leave a sensor with this latency unchanged.
     pub fn none(latency: TimeSpan) -> Self {
         Self { noise: 1.0, bias: 1.0, latency }
     }

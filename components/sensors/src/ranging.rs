@@ -70,8 +70,8 @@ impl RangeModel {
         2.0 * self.settings.most
     }
 
-    /// Replaces true distances \[m\], one per ray and infinite without a hit, by readings. `dt` \[s\] is the
-    /// time since the last reading.
+    /// Replaces the true distance of each ray \[m\] by a reading. The true distance is infinite without a
+    /// hit. `dt` \[s\] is the time since the last reading.
     ///
     /// # Panics
     /// If the number of distances differs from the number of rays.
@@ -101,9 +101,9 @@ pub fn direction(azimuth: f64, elevation: f64) -> Unit<Vector3<f64>> {
     Unit::new_normalize(Vector3::new(across * azimuth.cos(), across * azimuth.sin(), up))
 }
 
-/// Returns the azimuths \[rad\] of `count` rays, from right to left. They cover a field of view \[rad\]
-/// centred on x with a ray at each end. For a full circle they start opposite to x, and no direction occurs
-/// twice.
+/// Returns the azimuths \[rad\] of `count` rays, from right to left. The azimuths cover a field of view
+/// \[rad\] centred on x, with a ray at each end. For a full circle, the azimuths start opposite to x, and no
+/// direction occurs twice.
 ///
 /// ```
 /// use motorium_sensors::ranging::azimuths;

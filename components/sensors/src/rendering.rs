@@ -23,7 +23,7 @@ const OFF: f64 = 1e-6;
 pub struct Paint {
     /// Red, green and blue, 0 to 1.
     pub colour: Colour,
-    /// Checkerboard of a second colour in the xy plane of the world; `None` for a single colour.
+    /// Second colour of a checkerboard pattern in the xy plane of the world; `None` for a single colour.
     pub checker: Option<Checker>,
 }
 
@@ -178,7 +178,7 @@ impl Renderer {
 ///
 /// A channel with level `l` (0 to 255) is read as `round(l + sqrt(l 255 / full_well + read_noise^2) n)` with
 /// independent standard normal `n`. The first term under the root is shot noise: the standard deviation of
-/// the number of electrons is its square root. The second term is amplifier noise.
+/// the number of electrons is the square root of this number. The second term is amplifier noise.
 ///
 /// ```toml
 /// full_well  = 10000.0

@@ -4,10 +4,10 @@ use motorium_robots::{Attachment, CollisionModel, CollisionOptions, FrameId, Kin
 use motorium_worlds::{RayScene, World};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 
-/// The shapes around a ray-casting sensor: the solids of its robot, if it sees them, and a world.
+/// The shapes around a ray-casting sensor: a world, and the solids of the robot if the sensor sees them.
 ///
-/// Sensors of a graph and the cameras of a learner's environment share it, so equal states give equal hits.
-/// Only [`new`](Self::new) allocates.
+/// Sensors of a graph and the cameras of a learner's environment share this type, so equal states give equal
+/// hits. Only [`new`](Self::new) allocates.
 #[derive(Clone, Debug)]
 pub struct Scenery {
     scene: RayScene,
@@ -27,9 +27,9 @@ struct Link {
 }
 
 impl Scenery {
-    /// Creates the scene of a world whose file paths are [located](World::locate), with the
-    /// [`solids`] of its robot if they are visible. Objects have their initial poses; links are placed
-    /// by [`place_links`](Self::place_links).
+    /// Creates the scene of a world whose file paths are [located](World::locate), with the [`solids`] of the
+    /// robot if they are visible. Objects have their initial poses; links are placed by
+    /// [`place_links`](Self::place_links).
     pub fn new(model: &Model, solids: Option<&CollisionModel>, world: &World) -> Self {
         let mut scene = RayScene::default();
         let mut links = Vec::new();
@@ -60,7 +60,7 @@ impl Scenery {
     ///
     /// # Panics
     ///
-    /// If there are fewer objects.
+    /// If the world has no object with this index.
     pub fn set_object(&mut self, object: usize, position: [f64; 3], [x, y, z, w]: [f64; 4]) {
         assert!(object < self.object_count, "object {object} of {}", self.object_count);
         let rotation = UnitQuaternion::new_normalize(Quaternion::new(w, x, y, z));
@@ -82,7 +82,7 @@ impl Scenery {
     }
 }
 
-/// Returns the solids of a robot for ray casting, with meshes as their convex hulls.
+/// Returns the solids of a robot for ray casting. Meshes are replaced by their convex hulls.
 pub fn solids(model: &Model) -> CollisionModel {
     let options = CollisionOptions {
         meshes: MeshMode::Hull { most_corners: 5000 },

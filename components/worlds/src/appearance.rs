@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 /// Colour of the ground.
 const EARTH: Colour = [0.8, 0.82, 0.84];
 
-/// The appearance of a world, for cameras. It has no effect on physics.
+/// Colours, light and sky of a world, as seen by cameras. The appearance has no effect on physics.
 ///
 /// ```
 /// use motorium_worlds::Appearance;
@@ -31,7 +31,8 @@ pub struct Appearance {
     /// and the terrain. Default: fixed objects grey, free objects orange, the ground light grey. Links have
     /// the colours of their visuals.
     pub colours: BTreeMap<String, Colour>,
-    /// Checkerboard of a second colour on the ground. Default: none.
+    /// Checkerboard on the ground: squares of a second colour alternate with squares of the ground's colour.
+    /// Default: no checkerboard.
     pub checker: Option<Checker>,
     /// Background colour: red, green and blue, 0 to 1.
     pub sky: Colour,
@@ -39,7 +40,7 @@ pub struct Appearance {
     pub light: Light,
 }
 
-/// A checkerboard on the ground. One corner of a square is at the world origin.
+/// A checkerboard on the ground. The world origin is at a corner of four squares.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Checker {
@@ -52,8 +53,8 @@ pub struct Checker {
 /// Directional light, such as sunlight, and ambient light.
 ///
 /// A matt surface of colour `c` with outward normal `n` has the colour
-/// `c (ambient + (1 - ambient) max(0, -n d))` for a light direction `d` (Lambert's law), and `c ambient` in a
-/// shadow.
+/// `c (ambient + (1 - ambient) max(0, -n d))` for light that travels along the unit vector `d` (Lambert's
+/// law). In a shadow, the colour is `c ambient`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Light {
@@ -78,7 +79,7 @@ impl Default for Light {
 }
 
 impl Appearance {
-    /// Returns the colour of the ground (plane or terrain).
+    /// Returns the colour of the ground, which is a plane or a terrain.
     pub fn ground(&self) -> Colour {
         let stated = self.colours.get("ground").or_else(|| self.colours.get("terrain"));
         stated.copied().unwrap_or(EARTH)

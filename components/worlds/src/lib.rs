@@ -1,5 +1,5 @@
 //! Worlds for motorium: the surroundings of robots, shared by physics, sensors, collision constraints and
-//! views. Independent of the runtime.
+//! views. This crate does not depend on the runtime.
 //!
 //! A [`World`] is read from TOML, or from an MJCF, URDF or SDF file. [`Terrain`] describes uneven ground and
 //! becomes a [`HeightField`]. A [`RayScene`] casts rays against robots and worlds.

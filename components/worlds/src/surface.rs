@@ -1,4 +1,4 @@
-//! Surfaces in contact: the combination of frictions, softness, and direction-dependent friction.
+//! Surfaces in contact: combination of friction coefficients, softness, and direction-dependent friction.
 
 use nalgebra::Vector3;
 use schemars::JsonSchema;
@@ -6,8 +6,9 @@ use serde::{Deserialize, Serialize};
 
 /// Rule for combining the friction coefficients of two surfaces in contact.
 ///
-/// If two surfaces have different rules, the later one in the order `mean`, `min`, `multiply`, `max` applies.
-/// An explicit `min` or `max` also applies to torsional and rolling friction, which otherwise use the mean.
+/// If the rules of the two surfaces differ, the rule that comes later in the order `mean`, `min`, `multiply`,
+/// `max` applies. An explicit `min` or `max` also applies to torsional and rolling friction, which otherwise
+/// use the mean.
 ///
 /// ```
 /// use motorium_worlds::FrictionCombine;
@@ -21,25 +22,26 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum FrictionCombine {
-    /// Mean of both coefficients. Default for surfaces with friction.
+    /// Mean of both coefficients. Default for surfaces with a friction above 0.
     Mean,
     /// The smaller coefficient.
     Min,
-    /// Product of both coefficients. Default for surfaces with a friction of 0, which are therefore
-    /// frictionless against every surface whose rule is not `max`.
+    /// Product of both coefficients. Default for surfaces with a friction of 0: contacts of such a surface
+    /// are frictionless unless the other surface has the rule `max`.
     Multiply,
     /// The larger coefficient.
     Max,
 }
 
 impl FrictionCombine {
-    /// Returns the rule of a surface: `stated`, or the default for its coefficient of friction.
+    /// Returns the rule of a surface: `stated` if given, otherwise the default for the surface's coefficient
+    /// of friction.
     pub fn of_surface(friction: f64, stated: Option<Self>) -> Self {
         stated.unwrap_or(if friction > 0.0 { Self::Mean } else { Self::Multiply })
     }
 
-    /// Returns the coefficient of friction of a contact. Each argument is the coefficient and the explicit
-    /// rule of one surface.
+    /// Returns the coefficient of friction of a contact. Each argument is the coefficient of one surface and
+    /// the explicit rule of that surface, if any.
     pub fn combined((a, rule_a): (f64, Option<Self>), (b, rule_b): (f64, Option<Self>)) -> f64 {
         match Self::of_surface(a, rule_a).max(Self::of_surface(b, rule_b)) {
             Self::Mean => 0.5 * (a + b),
@@ -50,8 +52,8 @@ impl FrictionCombine {
     }
 
     /// Returns the torsional or rolling friction of a contact \[m\]: the smaller value under `min`, the
-    /// larger under `max`, otherwise the mean. Each argument is the coefficient and the explicit rule of one
-    /// surface.
+    /// larger under `max`, otherwise the mean. Each argument is the coefficient of one surface and the
+    /// explicit rule of that surface, if any.
     ///
     /// ```
     /// use motorium_worlds::FrictionCombine;
@@ -74,7 +76,7 @@ impl FrictionCombine {
 /// force = max(0, stiffness depth - damping d(distance)/dt)
 /// ```
 ///
-/// A box that rests on four corners is supported by four such springs. Between two soft surfaces, the springs
+/// For example, four springs support a box that rests on four corners. Between two soft surfaces, the springs
 /// act in series, and so do the dampers.
 ///
 /// ```
@@ -96,7 +98,8 @@ pub struct Softness {
 }
 
 impl Softness {
-    /// Returns the series combination of two soft surfaces in contact.
+    /// Returns the softness of a contact between this surface and another soft surface: both springs act in
+    /// series, and so do both dampers.
     pub fn behind(self, other: Self) -> Self {
         let series = |a: f64, b: f64| if a + b > 0.0 { a * b / (a + b) } else { 0.0 };
         Self {
@@ -107,9 +110,10 @@ impl Softness {
 }
 
 /// Direction-dependent friction, for example of a skate, a ski or corduroy. The grain's coefficient applies
-/// along `direction`, the surface's coefficient across it.
+/// along `direction`, and the surface's coefficient applies across `direction`.
 ///
-/// In other directions the maximum friction forces form an ellipse, and sliding dissipates maximum energy.
+/// The maximum friction forces in all directions form an ellipse, and the friction force on a sliding body
+/// dissipates as much energy as possible.
 ///
 /// ```
 /// use motorium_worlds::Object;
@@ -131,7 +135,8 @@ pub struct Grain {
     /// Direction of the grain, of any nonzero length, in the axes of the object or link; for the ground, in
     /// world axes.
     pub direction: [f64; 3],
-    /// Coefficient of friction along `direction`, at least 0. A contact uses the mean of both surfaces.
+    /// Coefficient of friction along `direction`, at least 0. A contact uses the mean of both surfaces'
+    /// coefficients.
     #[schemars(range(min = 0.0))]
     pub friction: f64,
 }

@@ -1,4 +1,4 @@
-//! The surroundings of robots, as described in a file.
+//! Worlds: descriptions of the surroundings of robots.
 
 mod checks;
 mod colours;
@@ -34,14 +34,14 @@ pub use mjcf::{MjcfWorld, parse_mjcf_world};
 pub use shape::{CompoundPart, ObjectMass, ObjectShape};
 pub use things::{Conveyor, Copies, Ground, Object};
 
-/// Gravity, air, ground, objects and their appearance. Units are metres, radians and kilograms. Poses are in
-/// the world frame, which is the base frame of the robot, z up.
+/// The surroundings of robots: gravity, air, ground, objects and their appearance. Units are metres, radians
+/// and kilograms. Poses are in the world frame, which is also the base frame of the robot, z up.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct World {
-    /// A file with a world: MJCF, URDF or SDF. Its gravity, ground and objects are used, and the other keys
-    /// add to them. A gravity stated here takes precedence. Relative paths start at the graph's folder.
-    /// Default: none.
+    /// A file that describes a world, in MJCF, URDF or SDF. The file's objects are added to `objects`. The
+    /// file's gravity, wind and ground apply unless they are also specified here. Relative paths start at the
+    /// graph's folder. Default: none.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("format" = "path"))]
     pub file: Option<PathBuf>,
@@ -56,15 +56,15 @@ pub struct World {
     /// Density of the air (kg/m3). Default 1.225, as at sea level and 15 degrees Celsius.
     #[schemars(range(min = 0.0))]
     pub air_density: f64,
-    /// A horizontal plane. Default: no ground.
+    /// Horizontal plane as the ground. Default: no ground.
     pub ground: Option<Ground>,
-    /// Uneven ground instead of a plane.
+    /// Uneven ground, as an alternative to the plane `ground`. Default: no terrain.
     pub terrain: Option<Terrain>,
     /// Objects, fixed or free to move. Names must differ.
     #[serde(deserialize_with = "copies::expanded")]
     pub objects: Vec<Object>,
-    /// Connections between objects, or between an object and the `world`, in their initial poses. To connect
-    /// links, use `connections` of the physics component.
+    /// Connections between two objects, or between an object and the fixed `world`, in their initial poses.
+    /// To connect links of robots, use the key `connections` of the physics component.
     pub connections: Vec<Connection>,
     /// Appearance for cameras.
     pub appearance: Appearance,
@@ -92,8 +92,9 @@ impl Default for World {
 }
 
 impl World {
-    /// Resolves relative file paths from a folder, and adds the world of its [`file`](Self::file). Returns
-    /// warnings about skipped elements, and about values that are probably in degrees or millimetres.
+    /// Resolves relative file paths from a folder, and adds the content of [`file`](Self::file) to this
+    /// world. Returns warnings about skipped elements, and about values that are probably in degrees or
+    /// millimetres.
     ///
     /// ```
     /// # use motorium_worlds::World;
@@ -137,7 +138,7 @@ impl World {
     ///
     /// # Errors
     ///
-    /// The first mistake found.
+    /// [`WorldError`] describes the first mistake found.
     pub fn check<'a>(&self, links: impl Iterator<Item = &'a str> + Clone) -> Result<(), WorldError> {
         for value in self.gravity {
             checks::gravity(value)?;

@@ -5,7 +5,7 @@ use motorium_worlds::World;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-/// Configuration of `learner.task`.
+/// Configuration of the component `learner.task`.
 ///
 /// ```toml
 /// task = "balance.toml"
@@ -16,8 +16,8 @@ pub struct LearnerTaskConfig {
     /// Path of the task file, relative to the graph file.
     #[schemars(extend("format" = "path"))]
     pub task: String,
-    /// Gravity, ground and objects around the robot, which are compared with the task's. Default: the world
-    /// of the graph.
+    /// Gravity, ground and objects around the robot, which are compared with the world of the task. Default:
+    /// the world of the graph.
     #[serde(default)]
     pub world: World,
     /// Maximum age of a measurement, at least 1 ms. Default "100 ms".

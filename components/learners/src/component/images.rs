@@ -63,12 +63,12 @@ impl ImageInputs {
         Ok(Self { inputs, pixels: vec![0.0; first], clock: setup.clock() })
     }
 
-    /// Reads all new images. Returns `false` if one is missing or was published more than `longest` ago
-    /// \[ns\].
+    /// Reads all new images. Returns `false` if an image is missing, or was published more than `longest`
+    /// \[ns\] ago.
     ///
     /// # Errors
     ///
-    /// [`StepError`] if an image has another number of pixels than the policy's.
+    /// [`StepError`] if the number of pixels of an image differs from the number that the policy expects.
     pub fn read(&mut self, longest: u64) -> Result<bool, StepError> {
         let now = self.clock.now_ns();
         let mut are_fresh = true;
@@ -96,13 +96,13 @@ impl ImageInputs {
         Ok(are_fresh)
     }
 
-    /// Returns the pixels of the newest images, in the order of the observations: depths \[m\], 0 without a
-    /// depth, or grey levels, 0 to 255.
+    /// Returns the pixels of the newest images, in the order of the observations. Pixels are depths \[m\],
+    /// where 0 means no depth, or grey levels, 0 to 255.
     pub fn pixels(&self) -> &[f32] {
         &self.pixels
     }
 
-    /// Forgets all images, at the start of an episode.
+    /// Forgets all images. Call this at the start of an episode.
     pub fn reset(&mut self) {
         self.inputs.iter_mut().for_each(|image| image.published = None);
     }

@@ -1,4 +1,5 @@
-//! `learner.task`: a task in a graph, and the topic with the progress of a training run.
+//! The component `learner.task`, which evaluates a task in a graph, and the topic with the progress of a
+//! training run.
 
 mod config;
 mod images;
@@ -39,10 +40,11 @@ const CAPACITY: usize = 16;
 /// the episode when the task ends.
 ///
 /// The component evaluates the same terms as training, so a graph and a training environment yield the same
-/// values. It runs at the rate of the policy. The reward of a step depends on the state at the next step and
-/// on the action published in between. The first observation of an episode is the last one before the first
-/// action of the policy. With `ends_episode = true` the component ends the episode when the task ends;
-/// otherwise it publishes nothing from then until the next episode starts.
+/// values. The component runs at the rate of the policy. The reward of a step depends on the state at the
+/// next step and on the action published in between. The first observation of an episode is the last
+/// observation before the first action of the policy. With `ends_episode = true` the component ends the
+/// episode when the task ends; otherwise it publishes nothing between the end of the task and the start of
+/// the next episode.
 pub struct LearnerTask {
     terms: Terms,
     trial: Trial,
@@ -186,7 +188,8 @@ impl Component for LearnerTask {
         if let Some(period) = declare.period() {
             let found = period.as_secs_f64().recip();
             if (found / task.rate() - 1.0).abs() > 1e-3 {
-                let message = format!("the component runs at {found} Hz, the task at {} Hz", task.rate());
+                let message =
+                    format!("the component runs at {found} Hz, but the task runs at {} Hz", task.rate());
                 return Err(ConfigError::key("task", message)
                     .advise(format!("write `rate = \"{} Hz\"` for the component", task.rate())));
             }
@@ -429,7 +432,7 @@ impl Inputs {
     }
 }
 
-/// Returns the component kinds of this crate, to be registered by a host program.
+/// Returns the component kinds of this crate, which a host program registers.
 ///
 /// ```
 /// let names: Vec<_> = motorium_learners::kinds().iter().map(|kind| kind.name).collect();

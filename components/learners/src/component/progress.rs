@@ -28,7 +28,7 @@ motorium::state_buffer! {
     pub struct LearningProgress as "motorium.LearningProgress" {
         /// Number of updates so far.
         pub update: u64,
-        /// Total steps of all worlds so far.
+        /// Number of steps so far, in all worlds together.
         pub steps: u64,
         /// Number of finished episodes so far.
         pub episodes: u64,
@@ -36,7 +36,7 @@ motorium::state_buffer! {
         pub mean_return: f64,
         /// Mean length of the last 100 episodes \[steps\].
         pub mean_length: f64,
-        /// Steps of all worlds per second since the start of the program.
+        /// Mean number of steps per second since the start of the program, in all worlds together.
         pub steps_per_second: f64,
         /// Loss of the policy.
         pub policy_loss: f64,
@@ -140,8 +140,8 @@ pub enum FeedError {
     Thread,
 }
 
-/// A run that publishes the progress of a training program on the topic [`PROGRESS_TOPIC`]. A separate thread
-/// drives the run, so training never waits for it. Dropping the feed ends the run.
+/// A run of the runtime that publishes the progress of a training program on the topic [`PROGRESS_TOPIC`]. A
+/// separate thread drives the run, so training never waits for the run. Dropping the feed ends the run.
 #[derive(Debug)]
 pub struct ProgressFeed {
     run: String,

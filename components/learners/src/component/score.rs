@@ -37,7 +37,9 @@ impl Score {
     /// episode and its longest duration \[s\].
     pub(super) fn report(&self, [time, duration]: [f64; 2]) -> Value {
         let no_value = (self.episodes == 0).then(|| {
-            format!("no episode ended: the run covers {time:.2} s of one, which lasts up to {duration} s")
+            format!(
+                "no episode ended: the run covers {time:.2} s of an episode, which lasts up to {duration} s"
+            )
         });
         let some = |value: f64| (self.episodes > 0).then_some(value);
         json!({
@@ -65,7 +67,7 @@ mod tests {
         assert_eq!(report["mean_return"], Value::Null);
         assert_eq!(
             report["no_value"],
-            "no episode ended: the run covers 2.98 s of one, which lasts up to 8 s"
+            "no episode ended: the run covers 2.98 s of an episode, which lasts up to 8 s"
         );
         score.add(-2.0, 10, End::Failure);
         score.add(5.0, 30, End::Truncated);

@@ -131,7 +131,7 @@ pub struct EpisodeSummary {
     pub end: End,
 }
 
-/// One world of a task, in which episodes run.
+/// One world of a task, which runs one episode after the other.
 ///
 /// ```
 /// use std::path::Path;
@@ -170,8 +170,8 @@ pub struct Environment<E> {
 
 impl<E: Engine> Environment<E> {
     /// Creates one world of a training run. `seed` is the seed of the run, `world` the index of the world.
-    /// The world is at the start of its first episode, which the first call of [`reset`](Self::reset) starts
-    /// again.
+    /// The world is placed at the start of its first episode. The first call of [`reset`](Self::reset) starts
+    /// the same episode again.
     ///
     /// # Errors
     ///
@@ -208,8 +208,8 @@ impl<E: Engine> Environment<E> {
         self.start(None)
     }
 
-    /// Starts the next episode with the physical properties and the start state that a physics component of a
-    /// graph samples from `seed`. Returns the first observation.
+    /// Starts the next episode with the physical properties and the start state that a physics component in a
+    /// graph would sample from `seed`. Returns the first observation.
     ///
     /// # Errors
     ///
@@ -225,7 +225,8 @@ impl<E: Engine> Environment<E> {
         Ok(&self.episode.observation)
     }
 
-    /// Runs the next episode to its end. `act` receives an observation and must write the action.
+    /// Runs the next episode to its end. For each step, `act` receives the observation and must write the
+    /// action.
     ///
     /// # Errors
     ///
@@ -253,8 +254,8 @@ impl<E: Engine> Environment<E> {
         &self.episode.observation
     }
 
-    /// Returns the current command: velocity forwards and to the left \[m/s\] and yaw rate \[rad/s\], or the
-    /// position of the target \[m\].
+    /// Returns the current command: forward velocity, velocity to the left \[m/s\] and yaw rate \[rad/s\], or
+    /// the position of the target \[m\].
     pub fn command(&self) -> [f64; 3] {
         self.episode.trial.command()
     }
@@ -264,7 +265,7 @@ impl<E: Engine> Environment<E> {
     ///
     /// # Panics
     ///
-    /// If the length of the action differs from the task's.
+    /// If the length of the action differs from the length of the task's actions.
     pub fn step(&mut self, action: &[f32]) -> Step {
         self.episode.advance(&self.stage, &mut self.simulation, action)
     }

@@ -1,8 +1,8 @@
-//! Environments of a [`Task`](crate::task::Task) over a simulation, without the runtime.
+//! Environments that simulate a [`Task`](crate::task::Task), independent of the runtime.
 //!
-//! [`Environment`] is one world, [`VectorEnvironment`] steps many worlds on several threads. Both run the
-//! same code and give bit-for-bit equal results: the randomness of an episode depends only on the seed, the
-//! world and the number of the episode.
+//! [`Environment`] is one world, [`VectorEnvironment`] steps many worlds on several threads. The two types
+//! run the same code and give bit-for-bit equal results: the random numbers of an episode depend only on the
+//! seed, the index of the world and the number of the episode.
 
 mod episode;
 mod eyes;

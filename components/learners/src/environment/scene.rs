@@ -20,7 +20,7 @@ pub enum SceneError {
         /// Reason why loading failed.
         source: Box<LoadError>,
     },
-    /// The profile names a frame that the robot lacks.
+    /// The profile of the robot refers to a frame that the robot lacks.
     #[error("`robot`: \"{robot}\": {source}")]
     Frame {
         /// Robot as named in the task.
@@ -33,7 +33,7 @@ pub enum SceneError {
     World(#[from] WorldError),
 }
 
-/// The robot of a task in its world.
+/// The robot and the world of a task, from which simulations are built.
 #[derive(Clone, Debug)]
 pub struct Scene {
     robot: RobotSetup,

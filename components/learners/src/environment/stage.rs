@@ -115,7 +115,7 @@ impl Stage {
             .reset(&position, &velocity)
             .map_err(|error| TaskError::value("start", error, "a state of the robot"))?;
         if let Some(every) = task.randomise.every {
-            let expected = "none: properties are sampled at the start of an episode";
+            let expected = "no value, because properties are sampled only at the start of an episode";
             return Err(TaskError::value("randomise.every", every, expected));
         }
         let draws = (task.randomise != RandomiseConfig::default())
@@ -381,7 +381,7 @@ fn wheels<E: Engine>(
     let wheels = RobotWheels::new((&task.robot, simulation.model()), profile, &config)?;
     let kind = wheels.drive().base().kind();
     if ranges.left.is_some() && !matches!(kind, BaseKind::Mecanum | BaseKind::Planar) {
-        let expected = "no range: this base cannot move sideways";
+        let expected = "no range, because this base cannot move sideways";
         return Err(TaskError::value("action.twist.left", format!("{:?}", ranges.left), expected));
     }
     Ok(Some(wheels))

@@ -19,7 +19,7 @@ struct Data {
     failure: Option<EnvironmentError>,
 }
 
-/// Running episode of a world, with the data required to replay it.
+/// The running episode of a world: the data required to replay the episode.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Progress {
     /// Number of the episode.
@@ -43,8 +43,8 @@ pub struct VectorEnvironment<E> {
 }
 
 impl<E: Engine + Send> VectorEnvironment<E> {
-    /// Creates `worlds` worlds on `threads` threads, each at the start of episode 0. `build` creates the
-    /// simulation of each world.
+    /// Creates `worlds` worlds, which `threads` threads step. All worlds are at the start of episode 0.
+    /// `build` creates the simulation of each world.
     ///
     /// # Errors
     ///
@@ -91,7 +91,7 @@ impl<E: Engine + Send> VectorEnvironment<E> {
         self.batch.count()
     }
 
-    /// Returns the number of threads that step the worlds, including the caller's.
+    /// Returns the number of threads that step the worlds, including the calling thread.
     pub fn threads(&self) -> usize {
         self.batch.threads()
     }
@@ -102,8 +102,8 @@ impl<E: Engine + Send> VectorEnvironment<E> {
         self.batch.on_threads(work);
     }
 
-    /// Returns the observations of all worlds, one after the other. For a world whose episode has ended, this
-    /// is the first observation of the next episode.
+    /// Returns the observations of all worlds, world by world. For a world whose episode has ended, this is
+    /// the first observation of the next episode.
     pub fn observations(&self) -> &[f32] {
         &self.observations
     }
@@ -115,7 +115,7 @@ impl<E: Engine + Send> VectorEnvironment<E> {
         self.steps[world].end.map(|_| &self.last[world * inputs..][..inputs])
     }
 
-    /// Returns the results of the last step, one per world.
+    /// Returns the result of the last step for each world.
     pub fn steps(&self) -> &[Step] {
         &self.steps
     }
@@ -176,7 +176,7 @@ impl<E: Engine + Send> VectorEnvironment<E> {
         self.collect()
     }
 
-    /// Applies one action per world; `actions` contains the actions of all worlds, one after the other.
+    /// Applies one action per world; `actions` contains the actions of all worlds, world by world.
     ///
     /// # Errors
     ///
@@ -203,9 +203,9 @@ impl<E: Engine + Send> VectorEnvironment<E> {
         Ok(&self.steps)
     }
 
-    /// Applies one action per world and steps physics like [`step`](Self::step), but without observations,
-    /// rewards, ends of episodes or changes of pushes. Call [`restart`](Self::restart) before the next step
-    /// of the task.
+    /// Applies one action per world and steps physics like [`step`](Self::step), but computes no observations
+    /// or rewards, ends no episodes, and does not change pushes. Call [`restart`](Self::restart) before the
+    /// next step of the task.
     ///
     /// # Panics
     ///

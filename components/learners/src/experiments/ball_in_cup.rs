@@ -1,4 +1,5 @@
-//! Catching a ball on a string in a cup by PoWER, on weights of a motion library or of radial kernels.
+//! Study of the ball-in-cup task: PoWER learns to catch a ball on a string in a cup. The weights of a motion
+//! library or of radial kernels are searched.
 //!
 //! A demonstrator attempts the catch. Each attempt sways the cup once and jerks it up, with different
 //! distances and timing; few attempts succeed. A movement of the cup is the response of a spring to forces,
@@ -7,7 +8,8 @@
 //! with a random start and random masses.
 //!
 //! Sources: task and method from Kober, Peters, *Policy search for motor primitives in robotics*, NIPS 2008;
-//! library from Delhaisse's thesis, 2019, section 3.4.3. The attempts are an addition.
+//! library from Delhaisse's thesis, 2019, section 3.4.3. The demonstrator's attempts are not part of these
+//! sources.
 
 use std::f64::consts::{PI, TAU};
 use std::path::Path;
@@ -56,7 +58,7 @@ impl Weights {
     /// All kinds of weights.
     pub const ALL: [Self; 3] = [Self::Library, Self::Kernels, Self::FittedKernels];
 
-    /// Returns the name in figures.
+    /// Returns the name of the weights in figures.
     pub fn name(self) -> &'static str {
         match self {
             Self::Library => "library",
@@ -190,7 +192,8 @@ impl Study {
         self.trials.iter().filter(move |trial| (trial.weights, trial.count) == (weights, count))
     }
 
-    /// Returns the final evaluations of the trials with a kind and number of weights, one per seed.
+    /// Returns the final evaluation of each trial with this kind and number of weights. There is one trial
+    /// per seed.
     pub fn ends(&self, weights: Weights, count: usize) -> Vec<Point> {
         self.trials(weights, count).filter_map(|trial| trial.curve.last().copied()).collect()
     }

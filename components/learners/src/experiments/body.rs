@@ -19,8 +19,8 @@ const SMOOTH: f64 = 1.5;
 /// Sampling rate, Hz.
 pub const RATE: f64 = 30.0;
 
-/// Names of the channels of arms and legs in the recordings, deg. `*` at the end of a name matches any
-/// suffix.
+/// Names of the channels for arms and legs in the recordings. Angles are in degrees. `*` at the end of a name
+/// matches any suffix.
 pub const CHANNELS: [&str; 12] = [
     "lhumerus*",
     "lradius*",
@@ -86,18 +86,19 @@ pub enum BodyError {
     Spring(#[from] SpringError),
 }
 
-/// Motion libraries of a full body, of its parts, and of the merged parts. All use the force metric.
+/// Motion libraries of a full body, of its parts, and of the merged parts. All libraries use the force
+/// metric.
 #[derive(Clone, Debug)]
 pub struct Body {
     /// Library of all degrees of freedom, built from recordings.
     pub whole: MotionLibrary,
-    /// Library of both arms, split off `whole`.
+    /// Library of both arms, extracted from `whole`.
     pub arms: MotionLibrary,
-    /// Library of both legs, split off `whole`.
+    /// Library of both legs, extracted from `whole`.
     pub legs: MotionLibrary,
-    /// Library of the right arm, split off `whole`.
+    /// Library of the right arm, extracted from `whole`.
     pub right_arm: MotionLibrary,
-    /// Library of the left leg, split off `whole`.
+    /// Library of the left leg, extracted from `whole`.
     pub left_leg: MotionLibrary,
     /// Library of arms and legs merged as parts of the same movements; equal to `whole`.
     pub together: MotionLibrary,
@@ -111,7 +112,7 @@ impl Body {
     /// Builds the libraries from windows with the names of [`CHANNELS`].
     ///
     /// # Errors
-    /// [`BodyError`] if no library can be built from the windows, or they lack arms or legs.
+    /// [`BodyError`] if no library can be built from the windows, or the windows lack arms or legs.
     pub fn learn(seen: &Recordings) -> Result<Self, BodyError> {
         let spring = SampledSpring::new(WINDOW, DAMPING)?;
         let whole = MotionLibrary::build(seen, spring, Metric::Force, Truncation::All)?;
@@ -157,7 +158,7 @@ impl Body {
         goals
     }
 
-    /// Returns the first `n` eigenforces of a library of all degrees of freedom, with rows in the order of
+    /// Returns the first `n` eigenforces of a library of all degrees of freedom. Rows are in the order of
     /// `whole`.
     pub fn eigenforces(&self, library: &MotionLibrary, n: usize) -> DMatrix<f64> {
         let basis = Basis::eigenforces(library, n);

@@ -1,11 +1,11 @@
 //! Balancing a cart-pole by imitation, by reinforcement learning, and by both in sequence.
 //!
 //! The demonstrator keeps the pole upright, but pushes slightly to one side and ignores the cart, which runs
-//! off its track. A policy learns from a short demonstration and then from rewards, or from rewards alone.
-//! [`Power`] trains a linear policy, [`Ppo`] a network.
+//! off its track. A policy learns first from a short demonstration and then from rewards, or only from
+//! rewards. [`Power`] trains a linear policy; [`Ppo`] trains a network.
 //!
-//! Source: Delhaisse's thesis, 2019, section 2.4.4, figure 2.32. The demonstration and the settings are not
-//! stated there.
+//! Source: Delhaisse's thesis, 2019, section 2.4.4, figure 2.32. The thesis does not state the demonstration
+//! and the settings.
 
 use std::path::Path;
 
@@ -50,7 +50,7 @@ impl Method {
     /// All methods.
     pub const ALL: [Self; 2] = [Self::Power, Self::Ppo];
 
-    /// Returns the name in figures.
+    /// Returns the name in the figures of the study.
     pub fn name(self) -> &'static str {
         match self {
             Self::Power => "PoWER",
@@ -73,7 +73,7 @@ impl Beginning {
     /// All initial policies.
     pub const ALL: [Self; 2] = [Self::Imitation, Self::Scratch];
 
-    /// Returns the name in figures.
+    /// Returns the name in the figures of the study.
     pub fn name(self) -> &'static str {
         match self {
             Self::Imitation => "after imitation",
@@ -121,7 +121,7 @@ pub enum StudyError {
     /// A network cannot be evaluated.
     #[error(transparent)]
     Network(#[from] OnnxError),
-    /// The observations or actions of the task differ from a cart-pole's.
+    /// The observations or actions of the task are not the observations and actions of a cart-pole.
     #[error("the task has {inputs} observations and {actions} actions, expected 4 and 2 as for a cart-pole")]
     Task {
         /// Length of an observation.
@@ -134,7 +134,7 @@ pub enum StudyError {
 /// Mean return after a given amount of experience.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Point {
-    /// Number of episodes of PoWER, or of steps of PPO; 0 at the start.
+    /// Number of episodes for PoWER, number of steps for PPO; 0 at the start.
     pub experience: u64,
     /// Mean return of the policy without exploration.
     pub mean_return: f64,
@@ -154,7 +154,8 @@ pub struct Trial {
 }
 
 impl Trial {
-    /// Returns the experience after which the mean return first reaches `level`; `None` if it never does.
+    /// Returns the experience after which the mean return first reaches `level`; `None` if the level is never
+    /// reached.
     pub fn experience_to(&self, level: f64) -> Option<u64> {
         self.curve.iter().find(|point| point.mean_return >= level).map(|point| point.experience)
     }
@@ -163,7 +164,7 @@ impl Trial {
 /// Trials of all methods and initial policies with several seeds.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Study {
-    /// Mean return of the demonstrator, one per seed.
+    /// Mean return of the demonstrator for each seed.
     pub demonstrator: Vec<f64>,
     /// All trials, ordered by method, initial policy and seed.
     pub trials: Vec<Trial>,
@@ -240,18 +241,18 @@ impl Study {
         self.trials.iter().filter(move |trial| (trial.method, trial.beginning) == (method, beginning))
     }
 
-    /// Returns the mean returns at the start of the trials, one per seed.
+    /// Returns the mean return at the start of each trial. There is one trial per seed.
     pub fn starts(&self, method: Method, beginning: Beginning) -> Vec<f64> {
         self.trials(method, beginning).filter_map(|trial| Some(trial.curve.first()?.mean_return)).collect()
     }
 
-    /// Returns the mean returns at the end of the trials, one per seed.
+    /// Returns the mean return at the end of each trial. There is one trial per seed.
     pub fn ends(&self, method: Method, beginning: Beginning) -> Vec<f64> {
         self.trials(method, beginning).filter_map(|trial| Some(trial.curve.last()?.mean_return)).collect()
     }
 
-    /// Returns the experience after which each trial first reaches a mean return of `level`; infinite if it
-    /// never does.
+    /// Returns the experience after which each trial first reaches a mean return of `level`; infinite if the
+    /// level is never reached.
     pub fn experience_to(&self, level: f64, method: Method, beginning: Beginning) -> Vec<f64> {
         let found = |trial: &Trial| trial.experience_to(level).map_or(f64::INFINITY, |found| found as f64);
         self.trials(method, beginning).map(found).collect()

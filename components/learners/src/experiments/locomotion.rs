@@ -1,7 +1,8 @@
 //! Bayesian optimisation of the gait of a quadruped, compared with random search and a hand-set gait.
 //!
 //! A pattern generator swings the legs in an open-loop trot. Six of its parameters are optimised for forward
-//! speed, with several seeds. The caller provides the evaluation, for example a graph in a session.
+//! speed. The search is repeated with several seeds. The caller provides the evaluation, for example a graph
+//! in a session.
 //!
 //! Source: Delhaisse's thesis, 2019, section 2.4.3, figures 2.30 and 2.31: a Gaussian process with an RBF
 //! kernel, expected improvement, 5 initial points. The thesis does not state the robot, the parameters or
@@ -31,8 +32,8 @@ pub struct GaitParameter {
     pub hand_set: f64,
 }
 
-/// The optimised parameters. Phases refer to the front legs; the hind legs mirror them. The knee bends by
-/// twice the hip angle, so that the foot stays below the hip.
+/// The optimised parameters. Phases refer to the front legs; the hind legs mirror the front legs. The knee
+/// bends by twice the hip angle, so that the foot stays below the hip.
 pub const PARAMETERS: [GaitParameter; DIMENSIONS] = [
     GaitParameter { name: "frequency, Hz", range: [1.0, 4.0], hand_set: 2.0 },
     GaitParameter { name: "hip amplitude, rad", range: [0.05, 0.4], hand_set: 0.1875 },
@@ -47,7 +48,8 @@ pub fn hand_set() -> [f64; DIMENSIONS] {
     PARAMETERS.map(|parameter| parameter.hand_set)
 }
 
-/// Returns the configuration keys of a `policy.cpg` component named `policy`, with their values for a gait.
+/// Returns the configuration of a gait for a `policy.cpg` component named `policy`, as pairs of key and
+/// value.
 pub fn keys(gait: &[f64; DIMENSIONS]) -> Vec<(String, f64)> {
     let [frequency, hip_amplitude, knee_amplitude, hip_phase, knee_phase, hip_angle] = *gait;
     let mut keys = vec![("policy.config.frequency".to_owned(), frequency)];
@@ -76,7 +78,7 @@ pub enum Searcher {
     BayesianRbf,
     /// Bayesian optimisation with a Matern 5/2 kernel.
     BayesianMatern,
-    /// Uniformly distributed candidates, as the baseline.
+    /// Random search: uniformly distributed candidates. Serves as the baseline.
     Random,
 }
 
@@ -84,7 +86,7 @@ impl Searcher {
     /// All search methods.
     pub const ALL: [Self; 3] = [Self::BayesianRbf, Self::BayesianMatern, Self::Random];
 
-    /// Returns the name in figures.
+    /// Returns the name of the method in figures.
     pub fn name(self) -> &'static str {
         match self {
             Self::BayesianRbf => "Bayesian optimisation; RBF",
@@ -132,7 +134,7 @@ pub struct Trial {
     pub searcher: Searcher,
     /// Seed of the search and of its evaluations.
     pub seed: u64,
-    /// Gaits in order of evaluation, with their speed \[m/s\].
+    /// Gaits in the order of evaluation, each with its evaluation, whose reward is the speed \[m/s\].
     pub gaits: Vec<([f64; DIMENSIONS], Evaluation)>,
 }
 
@@ -149,7 +151,7 @@ impl Trial {
         self.gaits.iter().map(speed).collect()
     }
 
-    /// Returns the distance of each gait from the previous gait, in units of the parameter ranges.
+    /// Returns the distance between each gait and the previous gait. Each parameter is scaled by its range.
     pub fn distances(&self) -> Vec<f64> {
         let distance = |pair: &[([f64; DIMENSIONS], Evaluation)]| {
             let moved = |k: usize| {

@@ -8,8 +8,8 @@ use crate::perception::{Coupling, Picture, Training, begun_at_zero, chamfer, eve
 /// Number of samples of each compared curve.
 const COMPARED: usize = 200;
 
-/// Chamfer distances between written and shown curves, one per letter, in units of the letter's size (the
-/// larger side).
+/// Chamfer distance between the written and the shown curve of each letter, in units of the letter's size
+/// (the larger side of its bounding box).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CurveErrors {
     /// Distances with both curves starting at the same point, because a picture does not show the position on
@@ -36,7 +36,7 @@ impl CurveErrors {
     }
 }
 
-/// Training letters and held-out letters, as curves of unit extent and as pictures.
+/// Letters for training and held-out letters for evaluation, both as curves of unit extent and as pictures.
 #[derive(Clone, Debug)]
 pub struct Letters {
     seen: Recordings,
@@ -59,7 +59,8 @@ pub struct NetworkResult {
 }
 
 impl Letters {
-    /// Creates the letters from recordings with two degrees of freedom: `seen` for training, `held` held out.
+    /// Creates the letters from recordings with two degrees of freedom: `seen` for training, `held` for
+    /// evaluation.
     pub fn new(seen: &Recordings, held: &Recordings) -> Self {
         let curve = |letter: &Trajectory| unit_extent(&letter.resampled(COMPARED));
         let curves = |set: &Recordings| set.trajectories.iter().map(curve).collect::<Vec<_>>();

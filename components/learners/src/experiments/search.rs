@@ -21,7 +21,7 @@ const SEEDS: u64 = 3;
 /// A movement that a search is to reproduce.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Goal {
-    /// Forces of the movement: the forces of each degree of freedom, one after the other.
+    /// Forces of the movement, stored degree of freedom by degree of freedom.
     pub forces: Vec<f64>,
     /// Spread of the path, which is the unit of errors.
     pub spread: f64,
@@ -35,8 +35,8 @@ impl Goal {
     }
 }
 
-/// Initial exploration of kernel weights. A library provides the variance of each of its weights; the kernels
-/// get the same total.
+/// Initial exploration of kernel weights. A library provides the variance of each of its weights. The
+/// variances of the kernels have the same sum.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum KernelPrior {
     /// Each kernel contributes equally to the squared force of the movements.
@@ -47,7 +47,7 @@ pub enum KernelPrior {
     Fitted,
 }
 
-/// Basis functions of a search, with the variance with which each weight is explored.
+/// Basis functions of a search, and the variance with which the weight of each function is explored.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SearchSpace {
     /// Basis functions, forces x weights.
@@ -57,14 +57,15 @@ pub struct SearchSpace {
 }
 
 impl SearchSpace {
-    /// Returns a space of the first `n` eigenforces. Their weights are explored with the variance of the
-    /// weights of the library's movements.
+    /// Returns a space of the first `n` eigenforces. Each weight is explored with the variance that it has in
+    /// the movements of the library.
     pub fn library(library: &MotionLibrary, n: usize) -> Self {
         Self::library_of(library, n, library.entries().len())
     }
 
     /// Returns a space of the first `n` eigenforces of a library that represents `movements` movements. The
-    /// library needs no weights; it may be merged from independently moving parts, for example.
+    /// library does not have to contain weights, so it may be merged from independently moving parts, for
+    /// example.
     pub fn library_of(library: &MotionLibrary, n: usize, movements: usize) -> Self {
         let n = n.min(library.rank());
         let movements = movements.max(1) as f64;
@@ -103,8 +104,8 @@ impl SearchSpace {
         Self { variance, functions }
     }
 
-    /// Simulates the movement of `spring` under `forces`. Returns the weights that reproduce its path best,
-    /// by ridge regression.
+    /// Simulates the movement of `spring` under `forces`. Returns the weights that best reproduce the path of
+    /// this movement, by ridge regression.
     pub fn weights_of(&self, forces: &[f64], spring: &SampledSpring) -> Vec<f64> {
         let forces = DMatrix::from_column_slice(forces.len(), 1, forces);
         fit(&self.functions, &forces, spring).as_slice().to_vec()
@@ -166,12 +167,12 @@ fn fit(functions: &DMatrix<f64>, forces: &DMatrix<f64>, spring: &SampledSpring) 
 /// Rewards of searches for several goals with several seeds.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Search {
-    /// Best rewards, one row per search and one column per entry of [`REPORTED`].
+    /// Best rewards. Each row is a search, and each column is an entry of [`REPORTED`].
     pub rewards: Vec<[f64; REPORTED.len()]>,
 }
 
 impl Search {
-    /// Runs searches for every goal, with three seeds each.
+    /// Runs three searches with different seeds for every goal.
     pub fn new(space: &SearchSpace, goals: &[Goal], spring: &SampledSpring) -> Self {
         let mut rewards = Vec::new();
         for (k, goal) in goals.iter().enumerate() {

@@ -93,8 +93,8 @@ pub fn run_jobs<J: Sync, W, T: Send, E: Send>(
     Ok(done.into_iter().map(|(_, result)| result).collect())
 }
 
-/// Returns, for every column, the number of the column, and the mean over the rows with its standard error.
-/// There is one row per seed. Columns are numbered from `first`.
+/// Returns, for every column, the number of the column, the mean over all rows, and the standard error of
+/// this mean. There is one row per seed. Columns are numbered from `first`.
 pub fn over_seeds(rows: &[Vec<f64>], first: usize) -> Vec<[f64; 3]> {
     let columns = rows.iter().map(Vec::len).min().unwrap_or(0);
     let column = |k: usize| {

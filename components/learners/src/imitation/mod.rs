@@ -1,10 +1,11 @@
 //! Imitation learning: a network learns the actions of an expert, which is another policy for the same task.
 //!
 //! An iteration steps all worlds, labels every observation with the expert's action, and fits the network to
-//! all labels so far: by least squares, or for a task with choices by their cross-entropy. In iteration `i`,
-//! counted from 0, the expert acts with probability `beta decay^i`, otherwise the network acts. One iteration
-//! in which only the expert acts is behaviour cloning. Further iterations make it DAgger, whose labels cover
-//! the states that the network reaches. Recorded observations and actions replace the first iteration.
+//! all labels so far: by least squares or, for a task with discrete choices, by the cross-entropy of the
+//! choices. In iteration `i`, counted from 0, the expert acts with probability `beta decay^i`, otherwise the
+//! network acts. One iteration in which only the expert acts is behaviour cloning. With further iterations,
+//! the algorithm is DAgger, whose labels cover the states that the network reaches. Recorded observations and
+//! actions can replace the steps of the first iteration.
 //!
 //! Results are bit-for-bit reproducible on any number of threads.
 //!
@@ -64,7 +65,7 @@ pub struct Progress {
     pub iteration: u64,
     /// Number of labels (expert actions) so far.
     pub labels: usize,
-    /// Probability that the expert acted in the iteration; 1 for recordings.
+    /// Probability that the expert acted in a step of the iteration; 1 for recordings.
     pub beta: f64,
     /// Number of episodes that ended in the iteration.
     pub episodes: u64,
@@ -88,8 +89,8 @@ pub struct Imitation<E> {
 }
 
 impl<E: Engine + Send> Imitation<E> {
-    /// Creates a run before its first iteration. The expert is a network for the observations and actions of
-    /// the task. `build` creates the simulation of each world.
+    /// Creates a run that has not performed any iteration yet. The expert is a network for the observations
+    /// and actions of the task. `build` creates the simulation of each world.
     ///
     /// # Errors
     ///
@@ -106,7 +107,7 @@ impl<E: Engine + Send> Imitation<E> {
         Self::with_experts(task, settings, experts, (seed, threads), build)
     }
 
-    /// Creates a run of behaviour cloning from recorded actions, with one iteration and without an expert.
+    /// Creates a run of behaviour cloning from recorded actions. The run has one iteration and no expert.
     ///
     /// # Errors
     ///
@@ -206,7 +207,7 @@ impl<E: Engine + Send> Imitation<E> {
         self.regression.network()
     }
 
-    /// Returns the SHA-256 digest of all weights, in hexadecimal.
+    /// Returns the SHA-256 digest of all weights as hexadecimal digits.
     pub fn weights_sha256(&self) -> String {
         self.regression.weights_sha256()
     }

@@ -1,4 +1,5 @@
-//! Models of a movement with several demonstrations, and their generalisation to other starts.
+//! Models of a movement that was demonstrated several times, and their generalisation to other start
+//! positions.
 
 use std::path::Path;
 
@@ -32,18 +33,18 @@ pub enum Model {
     Dmp,
     /// A probabilistic movement primitive that is conditioned on the start.
     ProMp,
-    /// A motion library with weights that depend linearly on the start, to the mean end of the
-    /// demonstrations.
+    /// A motion library with weights that depend linearly on the start. Its movements end at the mean end of
+    /// the demonstrations.
     Library,
-    /// A replay of the first demonstration, regardless of the start.
+    /// A replay of the first demonstration, which ignores the start.
     Replay,
 }
 
 impl Model {
-    /// All models. The last is the baseline.
+    /// All models. The last model is the baseline.
     pub const ALL: [Self; 4] = [Self::Dmp, Self::ProMp, Self::Library, Self::Replay];
 
-    /// Returns the name in figures.
+    /// Returns the name of the model in figures.
     pub fn name(self) -> &'static str {
         match self {
             Self::Dmp => "DMP",
@@ -127,7 +128,8 @@ impl Movements {
         })
     }
 
-    /// Returns the path of a model from a start: evenly spaced samples x dimensions.
+    /// Returns the path that a model generates from a start position, as a matrix of evenly spaced samples x
+    /// dimensions.
     ///
     /// # Errors
     ///

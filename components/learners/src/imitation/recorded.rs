@@ -2,7 +2,7 @@
 
 use crate::environment::EnvironmentError;
 
-/// Recorded observations of a task, with the action for each observation.
+/// Recorded observations of a task and the action that was taken for each observation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recorded {
     /// Lengths of an observation and of an action.
@@ -31,7 +31,8 @@ pub enum RecordedError {
     },
     /// The numbers of observations and actions differ, or a row is incomplete.
     #[error(
-        "the recorded observations have {observations} numbers and the actions {actions}, which are not equal numbers of complete rows"
+        "the recorded observations have {observations} numbers and the recorded actions have {actions} \
+         numbers, which do not form equal numbers of complete rows"
     )]
     Rows {
         /// Total count of numbers in the observations.

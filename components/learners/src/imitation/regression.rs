@@ -63,8 +63,8 @@ impl Regression {
         Self::with_labels((inputs, active, false), settings, seed)
     }
 
-    /// Creates a network with random weights and one output for each of `choices` choices: the logarithm of
-    /// its probability, up to a constant. A label is the number of a choice.
+    /// Creates a network with random weights and one output for each of `choices` choices. The output is the
+    /// logarithm of the probability of the choice, up to a constant. A label is the number of a choice.
     ///
     /// # Errors
     ///
@@ -220,7 +220,7 @@ impl Regression {
         (&self.network, &self.normaliser)
     }
 
-    /// Returns the SHA-256 digest of all weights, in hexadecimal.
+    /// Returns the SHA-256 digest of all weights as hexadecimal digits.
     pub fn weights_sha256(&self) -> String {
         let layers = self.policy().layers;
         numbers_sha256(layers.iter().flat_map(|(weights, bias)| [&weights[..], &bias[..]]))

@@ -27,7 +27,7 @@ pub enum RunError {
     /// The expert does not fit the task.
     #[error("invalid expert: {0}")]
     Expert(#[from] TrainedPolicyError),
-    /// The algorithm does not support these sources.
+    /// The algorithm does not support the given sources of actions.
     #[error("{} learns from {expected}", algorithm.name())]
     Sources {
         /// Algorithm of the run.
@@ -54,14 +54,14 @@ pub enum RunError {
 pub struct Summary {
     /// Progress of the last iteration; `None` before the first iteration.
     pub last: Option<Progress>,
-    /// SHA-256 digest of all weights, in hexadecimal.
+    /// SHA-256 digest of all weights as hexadecimal digits.
     pub weights_sha256: String,
 }
 
 /// Sources of the actions to imitate.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Sources<'a> {
-    /// Path of the folder with a policy that acts in simulated worlds.
+    /// Folder of the expert's policy, which acts in simulated worlds.
     pub expert: Option<&'a Path>,
     /// Recorded actions, which replace the steps of the first iteration.
     pub recorded: &'a [Recorded],

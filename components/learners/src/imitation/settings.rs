@@ -10,7 +10,7 @@ use crate::task::TaskError;
 pub struct ImitationSettings {
     /// Number of iterations, at least 1. Default 10. Behaviour cloning runs a single iteration.
     pub iterations: u64,
-    /// Total steps of all worlds in an iteration, at least 1. Default 2000.
+    /// Number of steps in an iteration, in all worlds together, at least 1. Default 2000.
     pub steps: u64,
     /// Number of worlds, at least 1. Default 8.
     pub worlds: usize,

@@ -1,4 +1,4 @@
-//! Checkpoints: the complete state of a training run, in one safetensors file.
+//! Checkpoints: files in the safetensors format with the complete state of a training run.
 
 use motorium_models::networks::{Adam, Perceptron};
 use motorium_models::safetensors::{self, SafetensorsError, Tensor, Tensors};
@@ -137,7 +137,7 @@ impl CheckpointReader {
     ///
     /// # Errors
     ///
-    /// [`CheckpointError`] if the array is missing or has another length.
+    /// [`CheckpointError`] if the array is missing or its length differs.
     pub fn numbers(&mut self, name: &str, length: usize) -> Result<Vec<f32>, CheckpointError> {
         let values = self.any_numbers(name)?;
         if values.len() != length {
@@ -200,7 +200,7 @@ impl CheckpointReader {
     ///
     /// # Errors
     ///
-    /// [`CheckpointError`] if the value is missing or has another form.
+    /// [`CheckpointError`] if the value is missing or does not parse.
     pub fn value<T: DeserializeOwned>(&self, name: &str) -> Result<T, CheckpointError> {
         let text = self.0.metadata.get(name).map_or("", String::as_str);
         serde_json::from_str(text)

@@ -24,7 +24,7 @@ impl Phase {
     pub const ALL: [Self; 6] =
         [Self::Environment, Self::Policy, Self::Statistics, Self::Gradient, Self::Optimiser, Self::Files];
 
-    /// Returns the name of the phase, in lower case.
+    /// Returns the lower-case name of the phase.
     pub fn name(self) -> &'static str {
         match self {
             Self::Environment => "environment",
@@ -60,8 +60,8 @@ impl Costs {
     }
 }
 
-/// A stopwatch that assigns the time of a run to phases. It reads the clock a few times per step of all
-/// worlds and per gradient, and does not affect results.
+/// A stopwatch that assigns the time of a run to phases. The stopwatch reads the clock a few times per step
+/// of all worlds and per gradient. The measured times do not affect results.
 #[derive(Clone, Copy, Debug)]
 pub struct Stopwatch {
     last: Instant,
@@ -86,7 +86,7 @@ impl Stopwatch {
         self.last = now;
     }
 
-    /// Returns the accumulated time of all laps, by phase.
+    /// Returns the accumulated time of all laps for each phase.
     pub fn costs(&self) -> Costs {
         self.costs
     }

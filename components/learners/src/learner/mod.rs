@@ -1,9 +1,9 @@
 //! Shared parts of gradient-based learners: the [`Learner`] trait and checkpoints.
 //!
 //! A learner steps many worlds of a task and updates its networks. [`Algorithm`] lists all learners, and
-//! [`training`](crate::training) starts one by name. Results are bit-for-bit reproducible on any number of
-//! threads: random numbers depend only on the seed and on counters, and gradients are summed over fixed
-//! chunks of samples.
+//! [`training`](crate::training) starts a learner by its name. Results are bit-for-bit reproducible on any
+//! number of threads: random numbers depend only on the seed and on counters, and gradients are summed over
+//! fixed chunks of samples.
 
 mod algorithm;
 mod checkpoint;
@@ -56,7 +56,7 @@ pub enum LearnerError {
 pub struct Progress {
     /// Number of updates so far.
     pub update: u64,
-    /// Total steps of all worlds so far.
+    /// Number of steps so far, in all worlds together.
     pub steps: u64,
     /// Number of finished episodes so far.
     pub episodes: u64,
@@ -77,10 +77,10 @@ pub trait Learner {
     /// Returns the names of the values that are measured in each update, such as `policy_loss`.
     fn measures(&self) -> &'static [&'static str];
 
-    /// Returns the total steps of all worlds so far.
+    /// Returns the number of steps so far, in all worlds together.
     fn steps(&self) -> u64;
 
-    /// Returns the total steps of all worlds in the complete run.
+    /// Returns the number of steps of the complete run, in all worlds together.
     fn total_steps(&self) -> u64;
 
     /// Returns the number of updates so far.
@@ -101,7 +101,7 @@ pub trait Learner {
     /// [`LearnerError`] if the environment fails or a term of the loss is not finite.
     fn advance(&mut self) -> Result<Progress, LearnerError>;
 
-    /// Returns the time of all updates by phase, except [`Phase::Files`].
+    /// Returns the time spent in each phase of all updates, except [`Phase::Files`].
     fn costs(&self) -> Costs;
 
     /// Returns the bytes of a checkpoint. Worlds are stored as the actions of their running episodes.
@@ -119,10 +119,10 @@ pub trait Learner {
     /// [`CheckpointError`] if the checkpoint is invalid or does not fit the run.
     fn restore(&mut self, bytes: &[u8]) -> Result<(), CheckpointError>;
 
-    /// Returns the policy without exploration, for raw observations.
+    /// Returns the policy without exploration. Its inputs are raw observations, which are not normalised.
     fn policy(&self) -> TrainedNetwork;
 
-    /// Returns the SHA-256 digest of all weights, in hexadecimal.
+    /// Returns the SHA-256 digest of all weights as hexadecimal digits.
     fn weights_sha256(&self) -> String;
 }
 

@@ -51,7 +51,7 @@ impl TrainedNetwork {
         self
     }
 
-    /// Returns the bytes of an ONNX file with this network, for `policy.network`.
+    /// Returns the bytes of an ONNX file with this network, which the component `policy.network` can run.
     ///
     /// # Panics
     ///

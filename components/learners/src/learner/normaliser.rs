@@ -21,7 +21,7 @@ impl Normaliser {
         Self { count: 0.0, mean: vec![0.0; width], squares: vec![0.0; width] }
     }
 
-    /// Adds vectors, stored row by row (Welford 1962).
+    /// Adds vectors to the mean and variance by Welford's method (1962). `rows` contains one vector per row.
     pub fn update(&mut self, rows: &[f32]) {
         for row in rows.chunks_exact(self.mean.len()) {
             self.count += 1.0;
@@ -43,7 +43,7 @@ impl Normaliser {
         if self.count < 2.0 { 1.0 } else { (self.squares[index] / self.count + LEAST).sqrt() }
     }
 
-    /// Writes `(x - mean) / deviation` for vectors stored row by row.
+    /// Writes `(x - mean) / deviation` for each number. Vectors are stored row by row.
     pub fn apply(&self, rows: &[f32], out: &mut [f32]) {
         let width = self.mean.len();
         let factors: Vec<(f64, f64)> = (0..width).map(|k| (self.mean[k], 1.0 / self.deviation(k))).collect();

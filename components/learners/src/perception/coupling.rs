@@ -47,7 +47,7 @@ impl Default for Training {
     }
 }
 
-/// A network that maps pictures of letters to movements, with the motion library of these movements.
+/// A network that maps pictures of letters to movements. It predicts the weights of a motion library.
 ///
 /// ```
 /// use motorium_learners::perception::{Coupling, Picture, Training, unit_extent};
@@ -141,7 +141,8 @@ impl Coupling {
         Ok(Self { network, library, mean, scale, pen_speed: pen_speed(letters) })
     }
 
-    /// Returns the movement that writes the letter in a picture, with an extent of 1 and a duration of 1 s.
+    /// Returns the movement that writes the letter in a picture. The movement has an extent of 1 and lasts 1
+    /// s.
     pub fn movement(&self, picture: &Picture) -> Superposition {
         let seen = self.network.forward(&DMatrix::from_column_slice(PIXELS * PIXELS, 1, &picture.0));
         let z = DVector::from_iterator(seen.len(), seen.iter().map(|value| f64::from(*value)));
@@ -152,9 +153,9 @@ impl Coupling {
         Superposition { weights: out.as_slice()[..n].to_vec(), frame }
     }
 
-    /// Returns the movement that writes the letter in a picture at a pen speed, in letter sizes per second.
-    /// The default is the speed of the training letters. The picture does not show the speed, so the speed is
-    /// constant along the stroke.
+    /// Returns the movement that writes the letter in a picture at a given pen speed (letter sizes per
+    /// second). The default is the speed of the training letters. The picture does not show the speed, so the
+    /// speed is constant along the stroke.
     pub fn written(&self, picture: &Picture, pen_speed: Option<f64>) -> Superposition {
         let mut movement = self.movement(picture);
         let length = length(&movement.path(&self.library));

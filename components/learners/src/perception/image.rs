@@ -52,7 +52,7 @@ impl Picture {
         grey.normalised().ok_or_else(|| ImageError::Blank { path: path.to_path_buf() })
     }
 
-    /// Returns the picture as the bytes of a binary PGM file, light on dark.
+    /// Returns the picture as the bytes of a binary PGM file, with light strokes on a dark background.
     pub fn to_pgm(&self) -> Vec<u8> {
         let mut bytes = format!("P5\n{PIXELS} {PIXELS}\n255\n").into_bytes();
         bytes.extend(self.0.iter().map(|grey| (255.0 * grey.clamp(0.0, 1.0)).round() as u8));

@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, Matrix2, RowVector2};
 use rand_distr::{Distribution as _, StandardNormal};
 use rand_pcg::Pcg64;
 
-/// Returns the path centred at 0 and scaled to a larger side of 1.
+/// Returns the path centred at 0 and scaled so that the larger side of its bounding box is 1.
 pub fn unit_extent(path: &DMatrix<f64>) -> DMatrix<f64> {
     let bounds = |d: usize| (path.column(d).min(), path.column(d).max());
     let ([x, y], mut out) = ([bounds(0), bounds(1)], path.clone());

@@ -21,8 +21,8 @@
 //! **Files.** [`Coupling::write`] and [`Coupling::read`] store a complete coupling: its network and its
 //! library. [`Picture::read`] reads pictures (PGM).
 //!
-//! The network is small enough for plain matrix products on one core; a framework would cost more build time
-//! than it saves. Training is seeded: the same seed gives the same weights on the same machine.
+//! The network is small enough for plain matrix products on one core, so the crate uses no deep-learning
+//! framework. Training is seeded: the same seed gives the same weights on the same machine.
 //!
 //! Source: Delhaisse, PhD thesis, 2019, section 3.4 (picture to weights); the loss and the layers are
 //! original to this crate. Adam: Kingma, Ba, ICLR 2015.

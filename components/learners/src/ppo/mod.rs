@@ -1,8 +1,9 @@
 //! Proximal policy optimisation.
 //!
 //! A stochastic policy `a ~ N(mu(o), diag(sigma^2))` and a value `V(o)` learn from batches of steps. The
-//! policy of a task with [choices](crate::task::Choices) is `a ~ softmax(mu(o))`, one output a choice. With
-//! the probability ratio `r = pi(a | o) / pi_old(a | o)`, advantages `A` and returns `R`, an update minimises
+//! policy of a task with [choices](crate::task::Choices) is `a ~ softmax(mu(o))`, with one output per choice.
+//! With the probability ratio `r = pi(a | o) / pi_old(a | o)`, advantages `A` and returns `R`, an update
+//! minimises
 //!
 //! ```text
 //! L   = -E[min(r A, clip(r, 1 - c, 1 + c) A)] + value / 2 E[(V - R)^2] - entropy H
@@ -16,12 +17,12 @@
 //! Stable-Baselines3. Advantages are normalised in each minibatch.
 //!
 //! With [`PpoSettings::recurrent`], policy and value each have gated recurrent units (GRU) before their
-//! layers. Their states are reset with each episode. A minibatch then consists of whole sequences of
-//! consecutive steps. Each sequence starts from the state stored during the rollout, and the gradient is
-//! propagated back through its steps, but not across the end of an episode.
+//! layers. The states of these units are reset at the start of each episode. A minibatch then consists of
+//! whole sequences of consecutive steps. Each sequence starts from the state stored during the rollout, and
+//! the gradient is propagated back through its steps, but not across the end of an episode.
 //!
 //! With [`PpoSettings::mirror`], the mirror image of each step is a further sample, with the probability,
-//! advantage and return of the step. The observation statistics include both.
+//! advantage and return of the step. The observation statistics include the steps and their mirror images.
 //!
 //! Training is bit-for-bit reproducible: random numbers are counter-based, and gradients are summed over
 //! fixed chunks of samples, independent of the number of threads.
@@ -93,7 +94,7 @@ struct State {
 }
 
 /// A training run of PPO: worlds, networks, optimiser and counters. [A2C](crate::a2c) and
-/// [REINFORCE](crate::reinforce) are variants of it.
+/// [REINFORCE](crate::reinforce) are variants of PPO.
 pub struct Ppo<E> {
     settings: PpoSettings,
     variant: Variant,
@@ -121,8 +122,8 @@ pub struct Ppo<E> {
 }
 
 impl<E: Engine + Send> Ppo<E> {
-    /// Creates a training run before its first step. `run` contains the seed and the number of threads;
-    /// `build` creates the simulation of each world.
+    /// Creates a training run that has not performed any step yet. `run` contains the seed and the number of
+    /// threads; `build` creates the simulation of each world.
     ///
     /// # Errors
     ///
@@ -232,7 +233,7 @@ impl<E: Engine + Send> Ppo<E> {
         &self.settings
     }
 
-    /// Returns the total steps of all worlds so far.
+    /// Returns the number of steps so far, in all worlds together.
     pub fn steps(&self) -> u64 {
         self.state.steps
     }
@@ -269,7 +270,7 @@ impl<E: Engine + Send> Ppo<E> {
     }
 
     /// Returns the SHA-256 digest of the weights of the policy and value networks and of the standard
-    /// deviations, in hexadecimal.
+    /// deviations, as hexadecimal digits.
     pub fn weights_sha256(&self) -> String {
         let weights = [&self.policy.to_vec(), &self.value.to_vec(), &self.deviations];
         numbers_sha256(weights.map(Vec::as_slice))

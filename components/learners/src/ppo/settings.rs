@@ -12,7 +12,7 @@ use crate::task::TaskError;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct PpoSettings {
-    /// Total steps of all worlds, at least 1. Default 200,000.
+    /// Number of steps in all worlds together, at least 1. Default 200,000.
     pub steps: u64,
     /// Number of worlds, at least 1. Default 16.
     pub worlds: usize,
@@ -27,9 +27,10 @@ pub struct PpoSettings {
     /// `true` lowers the learning rate linearly to 0 over the run. As in CleanRL, an update uses the rate at
     /// the first step of its horizon; Stable-Baselines3 uses the rate at the last step. Default true.
     pub anneal: bool,
-    /// Target divergence between the policy before and after an update, more than 0. The learning rate is
-    /// divided by 1.5 above twice the target and multiplied by 1.5 below half the target (rsl_rl). Replaces
-    /// `anneal`. Default: no adaptation.
+    /// Target divergence between the policy before and after an update, more than 0. If the divergence
+    /// exceeds twice the target, the learning rate is divided by 1.5. If the divergence is below half the
+    /// target, the learning rate is multiplied by 1.5 (as in rsl_rl). This adaptation replaces `anneal`.
+    /// Default: no adaptation.
     pub target_kl: Option<f64>,
     /// Discount factor per step, more than 0, less than 1. Default 0.99.
     pub discount: f64,

@@ -1,4 +1,4 @@
-//! Gradients and the optimiser.
+//! Gradients of the loss, and steps of the optimiser.
 
 use motorium_physics::Engine;
 use rand::seq::SliceRandom as _;

@@ -20,7 +20,7 @@ impl Bounds {
     pub(crate) fn new(terms: &Terms, algorithm: Algorithm) -> Result<Self, TaskError> {
         if let Some(choices) = terms.choices() {
             let expected =
-                format!("none for `{}`; help: train with dqn, ppo, a2c or reinforce", algorithm.name());
+                format!("no choices for `{}`; help: train with dqn, ppo, a2c or reinforce", algorithm.name());
             return Err(TaskError::value("action.choices", format!("{} rows", choices.count()), expected));
         }
         let Some([low, high]) = terms.policy().action.bounds() else {

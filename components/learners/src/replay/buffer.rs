@@ -3,7 +3,8 @@
 use crate::environment::{End, Step};
 use crate::learner::{CheckpointError, CheckpointReader, CheckpointWriter};
 
-/// A ring buffer of the latest steps of all worlds. A new row replaces the oldest.
+/// A ring buffer of the latest steps of all worlds. Once the buffer is full, a new row replaces the oldest
+/// row.
 ///
 /// ```
 /// use motorium_learners::environment::Step;

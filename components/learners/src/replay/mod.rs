@@ -1,5 +1,5 @@
-//! Off-policy learning: steps of all worlds are stored in a ring buffer, and gradients use random samples of
-//! it.
+//! Off-policy learning: steps of all worlds are stored in a ring buffer, and gradients use random samples
+//! from this buffer.
 //!
 //! [`OffPolicy`] steps the worlds, fills the [`ReplayBuffer`] and samples it; a method such as [soft
 //! actor-critic](crate::sac) explores and learns from the samples. The first steps are random. Observations
@@ -32,7 +32,7 @@ use crate::learner::{
 use crate::random::{Counter, Purpose};
 use crate::task::{Task, TaskError, Terms};
 
-/// Samples of a gradient step, with one column per sample.
+/// Samples of a gradient step. Each column of a matrix is a sample.
 #[derive(Clone, Debug)]
 pub struct Batch {
     /// Normalised observations.
@@ -41,7 +41,7 @@ pub struct Batch {
     pub actions: DMatrix<f32>,
     /// Discounted rewards over up to `n_step` steps.
     pub rewards: Vec<f32>,
-    /// Factors of the value of the next observation, one per sample.
+    /// Factor of the value of the next observation, for each sample.
     pub discounts: Vec<f32>,
     /// Normalised observations after the last step of each discounted sum.
     pub next: DMatrix<f32>,
@@ -83,7 +83,7 @@ pub struct Gradient<'a> {
     pub seed: u64,
     /// Number of preceding gradient steps.
     pub number: u64,
-    /// Number of the update, for error messages.
+    /// Number of the update, which is used only in error messages.
     pub update: u64,
     /// Number of threads, which does not change the result.
     pub threads: usize,
@@ -92,7 +92,7 @@ pub struct Gradient<'a> {
 }
 
 impl Gradient<'_> {
-    /// Returns standard normal noise, one sample per column.
+    /// Returns standard normal noise. Each column is a sample.
     pub fn noise(&self, rows: usize, columns: usize) -> DMatrix<f32> {
         let counter = Counter { seed: self.seed, step: self.number, ..Counter::default() };
         let mut random = counter.stream(Purpose::Noise);
@@ -105,9 +105,9 @@ impl Gradient<'_> {
 pub struct Exploration {
     /// Seed of the run.
     pub seed: u64,
-    /// Total steps of all worlds before this step.
+    /// Number of steps before this step, in all worlds together.
     pub steps: u64,
-    /// Total steps of all worlds in the complete run.
+    /// Number of steps of the complete run, in all worlds together.
     pub total: u64,
 }
 
@@ -130,10 +130,11 @@ pub trait Method {
     /// Returns the length of an action as stored in the buffer.
     fn width(&self) -> usize;
 
-    /// Writes random actions, one world after the other.
+    /// Writes random actions for all worlds, world by world.
     fn act_randomly(&self, exploration: Exploration, out: &mut [f32]);
 
-    /// Writes actions with exploration for normalised observations, one world per column.
+    /// Writes actions with exploration. Each column of the normalised observations and of the actions is a
+    /// world.
     fn explore(&self, observations: DMatrix<f32>, exploration: Exploration, out: &mut [f32]);
 
     /// Converts an action as stored in the buffer to an action of the task.
@@ -151,7 +152,7 @@ pub trait Method {
         watch: &mut Stopwatch,
     ) -> Result<Vec<f64>, LearnerError>;
 
-    /// Returns the policy without exploration, for normalised observations.
+    /// Returns the policy without exploration. Its inputs are normalised observations.
     fn policy(&self) -> TrainedNetwork;
 
     /// Returns all parameters, including the parameters of target networks.
@@ -195,8 +196,8 @@ pub struct OffPolicy<E, M> {
 }
 
 impl<E: Engine + Send, M: Method> OffPolicy<E, M> {
-    /// Creates a training run before its first step. `method` creates the learning rule for the terms of the
-    /// task, `build` the simulation of each world.
+    /// Creates a training run that has not performed any step yet. `method` creates the learning rule for the
+    /// terms of the task, and `build` creates the simulation of each world.
     ///
     /// # Errors
     ///

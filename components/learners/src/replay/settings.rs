@@ -9,13 +9,13 @@ use crate::task::TaskError;
 /// their sources, see the settings of each algorithm.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ReplaySettings {
-    /// Total steps of all worlds, at least 1.
+    /// Number of steps in all worlds together, at least 1.
     pub steps: u64,
     /// Number of worlds, at least 1.
     pub worlds: usize,
-    /// Steps of each world per update, at least 1. An update is one line of the progress.
+    /// Steps of each world per update, at least 1. Each update writes one line of the progress file.
     pub horizon: usize,
-    /// Total steps of all worlds with random actions before the first gradient step.
+    /// Number of steps with random actions before the first gradient step, in all worlds together.
     pub warmup: u64,
     /// Number of gradient steps after each step of all worlds, at least 1.
     pub gradients: usize,
@@ -27,8 +27,8 @@ pub struct ReplaySettings {
     pub n_step: usize,
     /// Discount factor per step, more than 0, less than 1.
     pub discount: f64,
-    /// Fraction by which the target networks move towards their networks after each gradient step, more than
-    /// 0, at most 1.
+    /// Fraction by which the target networks move towards the trained networks after each gradient step, more
+    /// than 0, at most 1.
     pub polyak: f64,
     /// Learning rate of Adam, more than 0.
     pub rate: f64,

@@ -1,8 +1,8 @@
 //! Soft actor-critic (SAC).
 //!
-//! A stochastic policy `a = tanh(u)`, `u ~ N(mu(o), diag(sigma(o)^2))`, maximises the reward and its entropy;
-//! the temperature `alpha` adapts to a target entropy `H`. With two critics, their targets `Q'`, and samples
-//! `(o, a, r, o')` from the replay buffer, each gradient step minimises
+//! A stochastic policy `a = tanh(u)`, `u ~ N(mu(o), diag(sigma(o)^2))`, maximises the reward and the policy's
+//! own entropy; the temperature `alpha` adapts to a target entropy `H`. With two critics, their targets `Q'`,
+//! and samples `(o, a, r, o')` from the replay buffer, each gradient step minimises
 //!
 //! ```text
 //! y       = r + discount (min_i Q'_i(o', a') - alpha ln pi(a' | o')),    a' ~ pi(. | o')
@@ -94,8 +94,8 @@ impl SacSettings {
         check.positive([("temperature", self.temperature)])
     }
 
-    /// Creates a training run before its first step. `run` contains the seed and the number of threads;
-    /// `build` creates the simulation of each world.
+    /// Creates a training run that has not performed any step yet. `run` contains the seed and the number of
+    /// threads; `build` creates the simulation of each world.
     ///
     /// # Errors
     ///

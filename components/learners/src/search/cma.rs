@@ -16,8 +16,8 @@ use super::{Distribution, Generations, Samples, Start, StartError};
 pub enum Restarts {
     /// No restarts: the search stays at its point of convergence.
     Never,
-    /// Two regimes with equal budgets: doubling populations, and small populations with small initial
-    /// deviations.
+    /// Two kinds of restarts with equal budgets: restarts that double the population, and restarts with a
+    /// small population and small initial deviations.
     #[default]
     Bipop,
 }

@@ -10,11 +10,11 @@ use super::{Distribution, Generations, Samples, Start, StartError};
 pub struct FiniteDifferencesSettings {
     /// Half the distance between the candidates of a pair, in initial deviations, more than 0. Default 0.1.
     pub step: f64,
-    /// Step length of an update, in initial deviations per unit of reward gained by moving one deviation,
-    /// more than 0. Default 0.1.
+    /// Factor of the reward gradient in an update, with parameters in units of the initial deviations, more
+    /// than 0. Default 0.1.
     pub rate: f64,
-    /// Maximum length of an update, in initial deviations, more than 0. It limits the effect of a steep
-    /// reward. Default 1.
+    /// Maximum length of an update, in initial deviations, more than 0. This maximum limits the effect of a
+    /// steep reward. Default 1.
     pub longest: f64,
 }
 
@@ -31,8 +31,8 @@ impl Default for FiniteDifferencesSettings {
 /// u'  = u + rate g, at most `longest` long
 /// ```
 ///
-/// All `2 n` candidates of a generation have the same [seed](super::Candidate::seed). Evaluated with common
-/// random numbers, their shared noise cancels.
+/// All `2 n` candidates of a generation have the same [seed](super::Candidate::seed). If the evaluations of a
+/// pair use the same random numbers, the noise cancels in their difference.
 ///
 /// Source: Spall, *Introduction to stochastic search and optimization*, Wiley 2003, sections 6.3 and 14.4.
 pub type FiniteDifferences = Generations<Differences>;

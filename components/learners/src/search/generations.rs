@@ -11,7 +11,7 @@ use crate::random::{Counter, Purpose};
 /// A complete generation: points with their rewards.
 #[derive(Clone, Copy, Debug)]
 pub struct Samples<'a> {
-    /// Points of the generation, one after the other.
+    /// Coordinates of the points of the generation, point by point.
     pub points: &'a [f64],
     /// Reward of each point; all rewards are finite.
     pub rewards: &'a [f64],
@@ -29,8 +29,8 @@ impl Samples<'_> {
 
 /// A distribution over parameters that a search samples and updates.
 ///
-/// Parameters are in units of the start: the initial distribution has mean 0 and standard deviation 1 in
-/// every direction.
+/// Parameters are shifted and scaled by the start, so that the initial distribution has mean 0 and standard
+/// deviation 1 in every direction.
 pub trait Distribution: Serialize + DeserializeOwned {
     /// Name of the method in saved states.
     const METHOD: &'static str;
@@ -47,7 +47,7 @@ pub trait Distribution: Serialize + DeserializeOwned {
     /// Writes the point of candidate `index` of a generation to `point`.
     fn sample(&mut self, index: usize, random: &mut Pcg64, point: &mut [f64]);
 
-    /// Updates the distribution from a generation with all its rewards. `random` is used for restarts.
+    /// Updates the distribution from a complete generation. Restarts draw random numbers from `random`.
     fn update(&mut self, samples: &Samples<'_>, random: &mut Pcg64);
 
     /// Writes the mean of the distribution to `mean`.
@@ -75,8 +75,9 @@ impl Generation {
 
 /// A search that samples generations of candidates from a [`Distribution`] and updates it from their rewards.
 ///
-/// A generation ends when all its candidates have rewards; until then [`ask`](Search::ask) returns only its
-/// remaining candidates. Results depend on the rewards, but not on their order.
+/// A generation ends when all its candidates have rewards; until then [`ask`](Search::ask) returns only the
+/// remaining candidates of this generation. Results depend on the rewards, but not on the order in which they
+/// arrive.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(bound = "")]
 pub struct Generations<D: Distribution> {
@@ -110,16 +111,16 @@ impl<D: Distribution> Generations<D> {
         })
     }
 
-    /// Allows `count` generations to be open simultaneously, at least 1, so that no worker waits for the last
-    /// reward of a generation. The default of 1 is the exact method. With a larger count, later generations
-    /// are sampled from a distribution that is `count - 1` updates old.
+    /// Allows `count` generations (at least 1) to be open simultaneously, so that no worker waits for the
+    /// last reward of a generation. The default of 1 is the exact method. With a larger count, later
+    /// generations are sampled from a distribution that is `count - 1` updates old.
     #[must_use]
     pub fn with_open_generations(mut self, count: usize) -> Self {
         self.ahead = count.max(1);
         self
     }
 
-    /// Returns the distribution, in units of the start.
+    /// Returns the distribution, over parameters that are shifted and scaled by the start.
     pub fn distribution(&self) -> &D {
         &self.distribution
     }

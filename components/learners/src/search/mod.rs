@@ -11,10 +11,10 @@
 //! - [`PathIntegral`]: black-box policy improvement by path integrals (PI^BB).
 //! - [`FiniteDifferences`]: gradient ascent by central differences with common random numbers.
 //! - [`BayesianOptimisation`]: a Gaussian process and an acquisition function.
-//! - [`RandomSearch`]: uniform candidates, the baseline.
+//! - [`RandomSearch`]: uniform candidates, as a baseline.
 //!
-//! All but the last two sample generations of candidates from a distribution; they are [`Generations`] of a
-//! [`Distribution`]. [`maximise`] evaluates candidates on several threads.
+//! All methods except the last two are [`Generations`] of a [`Distribution`], which sample whole generations
+//! of candidates. [`maximise`] evaluates candidates on several threads.
 //!
 //! ```
 //! use motorium_learners::search::{CmaEs, CmaEsSettings, Search, Start};
@@ -84,8 +84,8 @@ pub trait Search {
     /// needs rewards of earlier candidates.
     fn ask(&mut self, count: usize) -> Vec<Candidate>;
 
-    /// Accepts rewards of candidates, as pairs of candidate number and reward, in any order. A reward that is
-    /// not finite counts as the worst.
+    /// Accepts rewards of candidates in any order. Each entry is a pair of a candidate number and its reward.
+    /// A reward that is not finite ranks below all finite rewards.
     ///
     /// # Errors
     ///
@@ -107,8 +107,8 @@ pub trait Search {
     ///
     /// # Errors
     ///
-    /// [`RestoreError`] if the state is invalid or belongs to another search. In this case the search is
-    /// unchanged.
+    /// [`RestoreError`] if the state is invalid, or its method or number of parameters differs. In this case
+    /// the search is unchanged.
     fn restore(&mut self, state: &str) -> Result<(), RestoreError>;
 }
 
@@ -139,7 +139,7 @@ pub enum RestoreError {
     /// The text is not a saved state.
     #[error("the state does not parse: {0}")]
     Parse(String),
-    /// The state belongs to another method.
+    /// The state belongs to a different search method.
     #[error("the state belongs to the method {found}, expected {expected}")]
     Method {
         /// Name of the method in the state.
@@ -162,8 +162,8 @@ pub enum RestoreError {
 struct Best(Option<(u64, Vec<f64>, f64)>);
 
 impl Best {
-    /// Records a finite reward. Of equal rewards, the reward of the earliest candidate is kept, regardless of
-    /// the order of arrival.
+    /// Records a finite reward. Among candidates with equal rewards, the earliest candidate is kept,
+    /// regardless of the order in which rewards arrive.
     fn record(&mut self, id: u64, parameters: &[f64], reward: f64) {
         let is_better =
             |(first, _, best): &(u64, Vec<f64>, f64)| reward > *best || (reward == *best && id < *first);

@@ -20,7 +20,7 @@ pub enum Outcome {
     Stopped,
     /// The parameters were rejected before the start.
     Refused,
-    /// The evaluation finished, but its reward has no value.
+    /// The evaluation finished, but its reward is not a finite number.
     NoValue,
     /// The operator of the robot refused to run the parameters.
     Skipped,
@@ -95,11 +95,11 @@ impl Evaluation {
 /// Number of threads and limits of [`maximise`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Workers {
-    /// Number of threads, at least 1. It does not affect results.
+    /// Number of threads, at least 1. This number does not affect results.
     pub threads: usize,
     /// Maximum number of candidates without rewards, at least 1. A search with a model proposes each
-    /// candidate from the rewards of all but the last `ahead` candidates. `usize::MAX` evaluates whole
-    /// generations.
+    /// candidate from the rewards of all earlier candidates except the last `ahead`. `usize::MAX` evaluates
+    /// whole generations.
     pub ahead: usize,
     /// Total number of candidates to evaluate.
     pub evaluations: u64,
@@ -119,11 +119,11 @@ impl<T> Drop for PanicGuard<'_, T> {
 /// Evaluates candidates of a search on several threads. Stops when the given number of candidates have
 /// rewards, or when the search proposes no more candidates.
 ///
-/// `build` creates the worker of a thread, on that thread. `evaluate` evaluates a candidate with the worker,
-/// and `report` is called after a reward has been accepted. Rewards are accepted one at a time, in the order
-/// of the candidates, and new candidates are proposed after each. The search is therefore bit-for-bit
-/// independent of the number of threads if the evaluations are. Candidates without rewards at the start are
-/// evaluated first, so a restored search continues where it stopped.
+/// `build` is called on each thread and creates the thread's worker. `evaluate` evaluates a candidate with
+/// the worker, and `report` is called after a reward has been accepted. Rewards are accepted one at a time,
+/// in the order of the candidates, and new candidates are proposed after each reward. If the evaluations do
+/// not depend on the number of threads, neither does the search, bit for bit. Candidates without rewards at
+/// the start are evaluated first, so a restored search continues where it stopped.
 ///
 /// ```
 /// use motorium_learners::search::{

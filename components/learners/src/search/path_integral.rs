@@ -23,7 +23,7 @@ impl Default for PathIntegralSettings {
     }
 }
 
-/// Reward-weighted averaging of perturbed parameters (PI^BB).
+/// A search by reward-weighted averaging of perturbed parameters (PI^BB).
 ///
 /// ```text
 /// w_i        ~ exp(h (R_i - max R) / (max R - min R))
@@ -32,7 +32,7 @@ impl Default for PathIntegralSettings {
 /// ```
 ///
 /// Source: Stulp, Sigaud, *Robot skill learning: from reinforcement learning to evolution strategies*,
-/// Paladyn Journal of Behavioral Robotics 4, 2013; the defaults of `dmpbbo`.
+/// Paladyn Journal of Behavioral Robotics 4, 2013; defaults from the library `dmpbbo`.
 pub type PathIntegral = Generations<SoftmaxMean>;
 
 /// Search distribution of [`PathIntegral`].

@@ -23,7 +23,8 @@ impl Default for PowerSettings {
     }
 }
 
-/// A search for the parameters `theta` with the largest reward, one rollout at a time (PoWER).
+/// A search for the parameters `theta` with the largest reward, which evaluates one rollout at a time
+/// (PoWER).
 ///
 /// Each rollout explores with `theta + eps`, `eps ~ N(0, Sigma)`, `Sigma` diagonal; the first rollout is the
 /// start. The best rollouts so far are kept (importance sampling). With their rewards `R_j > 0` and `eps_j =
@@ -35,11 +36,11 @@ impl Default for PowerSettings {
 /// ```
 ///
 /// Rewards must be positive; other rewards count as 0. For weights of a motion library, `k^2 s_i^2 / N` (the
-/// variance of the weights in the library, `k` about 0.6) is the natural initial exploration, because it is
-/// large where movements differ.
+/// variance of the weights in the library, `k` about 0.6) is the natural initial exploration, because this
+/// variance is large where movements differ.
 ///
 /// Source: Kober, Peters, *Policy search for motor primitives in robotics*, Machine Learning 84, 2011, the
-/// episodic form; the update of the variance after their appendix.
+/// episodic form; the update of the variance follows their appendix.
 pub type Power = Generations<Weighted>;
 
 /// Search distribution of [`Power`].

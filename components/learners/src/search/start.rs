@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 /// Start of a search: initial mean, initial exploration, and bounds.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Start {
-    /// Initial mean, one number per parameter.
+    /// Initial mean of each parameter.
     pub mean: Vec<f64>,
     /// Initial standard deviation of each parameter, at least 0. A parameter with deviation 0 keeps its
     /// value.
@@ -74,7 +74,7 @@ impl Start {
         Self { mean, deviation, bounds: None, seed }
     }
 
-    /// Returns the same start with bounds, one pair per parameter.
+    /// Returns the same start with bounds. There is one pair of bounds per parameter.
     #[must_use]
     pub fn within(mut self, bounds: Vec<[f64; 2]>) -> Self {
         self.bounds = Some(bounds);

@@ -11,8 +11,8 @@ use crate::random::{Counter, Purpose};
 /// Name of the method in saved states.
 const METHOD: &str = "random";
 
-/// A search with independent candidates that are uniformly distributed within bounds. It is the baseline of
-/// every other method.
+/// A search with independent candidates that are uniformly distributed within bounds. This search is a
+/// baseline for the other methods.
 ///
 /// Source: Bergstra, Bengio, *Random search for hyper-parameter optimization*, JMLR 13, 2012.
 ///
@@ -43,7 +43,7 @@ pub struct RandomSearch {
 }
 
 impl RandomSearch {
-    /// Creates a search within finite bounds, with one pair of bounds per parameter.
+    /// Creates a search within finite bounds. There is one pair of bounds per parameter.
     ///
     /// # Errors
     ///

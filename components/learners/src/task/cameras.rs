@@ -55,7 +55,7 @@ impl Task {
                 return Err(TaskError::value(key("camera"), format!("\"{name}\""), expected));
             };
             if let Some(pixels) = table.get("pixels") {
-                let expected = format!("none: `cameras.{name}` has `width` and `height`");
+                let expected = format!("no value, because `cameras.{name}` has `width` and `height`");
                 return Err(TaskError::value(key("pixels"), pixels, expected));
             }
             let mut table = table.clone();
@@ -78,27 +78,35 @@ impl Task {
             };
             camera(name, config, 0)?;
             if config.world != World::default() {
-                return wrong("world", "a world".to_owned(), "none: the task has `[world]`");
+                return wrong("world", "a world".to_owned(), "no value, because the task has `[world]`");
             }
             if config.latency.ns > 0 {
                 return wrong(
                     "latency",
                     config.latency.to_string(),
-                    "none: images are of the observed state",
+                    "no value, because images show the observed state",
                 );
             }
             if config.drop_out != 0.0 {
-                return wrong("drop_out", config.drop_out.to_string(), "0: each observation has an image");
+                return wrong(
+                    "drop_out",
+                    config.drop_out.to_string(),
+                    "0, because each observation needs an image",
+                );
             }
             if let Some(seed) = config.seed {
-                return wrong("seed", seed.to_string(), "none: it comes from the seed of the run");
+                return wrong(
+                    "seed",
+                    seed.to_string(),
+                    "no value, because the seed of the run determines the noise",
+                );
             }
             if config.randomise != SensorRanges::default() {
-                return wrong("randomise", "ranges".to_owned(), "none: state `depth` and `lost`");
+                return wrong("randomise", "ranges".to_owned(), "no value; set `depth` and `lost` instead");
             }
         }
         if !self.cameras.is_empty() && self.randomise.terrain != Default::default() {
-            let expected = "none: cameras of a task see one terrain";
+            let expected = "no value, because cameras of a task see only one terrain";
             return Err(TaskError::value("randomise.terrain", "ranges", expected));
         }
         Ok(())
@@ -108,7 +116,7 @@ impl Task {
     pub(super) fn check_images(&self, policy: &Policy) -> Result<(), TaskError> {
         for name in self.cameras.keys() {
             if !policy.observations.iter().any(|observation| observation.camera.as_ref() == Some(name)) {
-                let expected = "an observation that names it";
+                let expected = "an observation that uses this camera";
                 return Err(TaskError::value(format!("cameras.{name}"), "no observation", expected));
             }
         }
@@ -131,7 +139,7 @@ impl Task {
             let ([_, y, _], [roll, _, yaw]) = (config.mount.position, config.mount.rpy);
             if [y, roll, yaw] != [0.0; 3] {
                 let found = format!("y {y} m, roll {roll} and yaw {yaw} rad");
-                let expected = "0 each, in the plane of symmetry";
+                let expected = "0 for each, so that the camera is in the plane of symmetry";
                 return Err(TaskError::value(format!("cameras.{name}.mount"), found, expected));
             }
         }

@@ -1,10 +1,10 @@
-//! Discrete actions: a policy chooses one of some rows.
+//! Discrete actions: a policy chooses one row of a table.
 
 use motorium_models::policy::Policy;
 
 use super::{CHOICES, Task, TaskError};
 
-/// Actions among which a discrete policy chooses, with one row per action.
+/// The actions among which a policy with discrete actions chooses: a table with one row per action.
 ///
 /// ```
 /// use motorium_learners::task::Task;
@@ -79,7 +79,7 @@ impl Choices {
                 return wrong("finite numbers within the bounds of the action".to_owned());
             }
             if numbers[..index].contains(row) {
-                return wrong("a row unlike the others".to_owned());
+                return wrong("a row that differs from all other rows".to_owned());
             }
         }
         Ok(Self { rows: numbers.into_iter().flatten().map(|number| number as f32).collect(), width })
@@ -134,7 +134,7 @@ impl Choices {
         best(self.rows.chunks_exact(self.width).map(|row| -distance(row)))
     }
 
-    /// Returns all rows, one after the other.
+    /// Returns the values of all rows, row by row.
     pub fn rows(&self) -> &[f32] {
         &self.rows
     }

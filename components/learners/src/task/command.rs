@@ -1,4 +1,5 @@
-//! Commands of a task: desired velocities of a base or positions of a target, sampled in time.
+//! Commands of a task: desired velocities of a base or positions of a target, which change at regular
+//! intervals.
 
 use rand::RngExt as _;
 use serde::Deserialize;
@@ -6,12 +7,12 @@ use serde::Deserialize;
 use super::TaskError;
 use crate::random::{Counter, Purpose};
 
-/// Ranges of the commanded velocity of a base, or of the position of a target. Commands are sampled uniformly
-/// at the start of an episode and after every interval.
+/// Ranges from which the commands of a task are sampled: velocities of a base, or positions of a target. A
+/// command is sampled uniformly at the start of an episode and after every interval.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CommandRanges {
-    /// Range of the velocity forwards \[m/s\]. Default: 0.
+    /// Range of the forward velocity \[m/s\]. Default: 0.
     #[serde(default)]
     pub forward: [f64; 2],
     /// Range of the velocity to the left \[m/s\]. Default: 0.
@@ -20,27 +21,27 @@ pub struct CommandRanges {
     /// Range of the yaw rate, positive to the left \[rad/s\]. Default: 0.
     #[serde(default)]
     pub turn: [f64; 2],
-    /// Ranges of x, y and z of the target in the world \[m\]. Default: the task commands velocities instead
-    /// of a target.
+    /// Ranges of x, y and z of the target in the world \[m\]. Default: no target; the task commands
+    /// velocities.
     pub target: Option<[[f64; 2]; 3]>,
     /// Time between two commands \[s\], more than 0. Default: 5.
     #[serde(default = "five")]
     pub interval: f64,
-    /// Probability of a command to stand still, 0 to 1. Only for velocities. Default: 0.
+    /// Probability that a command of velocities is a command to stand still, 0 to 1. Default: 0.
     #[serde(default)]
     pub standing: f64,
     /// Growth of the ranges during training. Default: the full ranges from the start.
     pub curriculum: Option<Curriculum>,
 }
 
-/// Linear growth of the ranges during a training run: around 0 for velocities, around the middle for a
-/// target.
+/// Linear growth of the command ranges during a training run. Ranges of velocities grow around 0; ranges of a
+/// target position grow around their middle.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Curriculum {
     /// Factor of the ranges at the start, 0 to 1.
     pub start: f64,
-    /// Total steps of all worlds after which the ranges have their full size, at least 1.
+    /// Number of steps, in all worlds together, after which the ranges have their full size, at least 1.
     pub steps: u64,
 }
 
@@ -67,7 +68,7 @@ impl CommandRanges {
         }
         let has_velocities = [self.forward, self.left, self.turn] != [[0.0; 2]; 3] || self.standing != 0.0;
         if self.target.is_some() && has_velocities {
-            let expected = "either a target or velocities with `standing`";
+            let expected = "either `target`, or velocities and `standing`";
             return Err(TaskError::value("command", "both", expected));
         }
         if !(self.interval > 0.0 && self.interval.is_finite()) {

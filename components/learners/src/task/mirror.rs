@@ -5,13 +5,14 @@ use serde::Deserialize;
 
 use super::{Choices, TaskError};
 
-/// Left-right symmetry of the robot and the task, about the plane of x and z of the base.
+/// Left-right symmetry of the robot and the task, about the x-z plane of the base.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Symmetry {
-    /// Pairs of joints that mirror each other. Other joints mirror themselves.
+    /// Pairs of joints that mirror each other. A joint that is not in a pair mirrors itself.
     pub pairs: Vec<[String; 2]>,
-    /// Joints whose positions change sign when mirrored. Both joints of a pair must be listed.
+    /// Joints whose positions change sign when mirrored. If a joint of a pair is listed, the other joint of
+    /// the pair must also be listed.
     pub reversed: Vec<String>,
 }
 
@@ -91,7 +92,7 @@ impl Mirror {
             let found = (0..choices.count()).find(|other| choices.row(*other) == image);
             found.ok_or_else(|| {
                 let row = choices.row(choice);
-                let expected = format!("a choice whose mirror image {image:?} is a choice, too");
+                let expected = format!("a choice whose mirror image {image:?} is also a choice");
                 TaskError::value(format!("action.choices[{choice}]"), format!("{row:?}"), expected)
             })
         });
@@ -130,7 +131,11 @@ fn joints(policy: &Policy, symmetry: &Symmetry) -> Result<Vec<(usize, f32)>, Tas
         let (left, right) = (index("pairs", left)?, index("pairs", right)?);
         if left == right || joints[left].0 != left || joints[right].0 != right {
             let found = format!("\"{}\" and \"{}\"", action.joints[left], action.joints[right]);
-            return Err(TaskError::value("symmetry.pairs", found, "each joint in one pair of two"));
+            return Err(TaskError::value(
+                "symmetry.pairs",
+                found,
+                "two different joints that are in no other pair",
+            ));
         }
         (joints[left].0, joints[right].0) = (right, left);
     }
@@ -146,7 +151,8 @@ fn joints(policy: &Policy, symmetry: &Symmetry) -> Result<Vec<(usize, f32)>, Tas
             && (*sign > 0.0 || is_bounded_equally);
         if !is_fitting {
             let found = format!("\"{}\" and \"{}\"", action.joints[joint], action.joints[*other]);
-            let expected = "mirrored poses, equal factors and bounds, both reversed or neither";
+            let expected =
+                "mirrored poses, equal factors and bounds, and both joints or neither in `reversed`";
             return Err(TaskError::value("symmetry", found, expected));
         }
     }
@@ -156,7 +162,7 @@ fn joints(policy: &Policy, symmetry: &Symmetry) -> Result<Vec<(usize, f32)>, Tas
 /// The number and the sign from which each number of a base twist is mirrored.
 fn twist(ranges: &TwistRanges, symmetry: &Symmetry) -> Result<Vec<(usize, f32)>, TaskError> {
     if let Some(name) = symmetry.pairs.iter().flatten().chain(&symmetry.reversed).next() {
-        let expected = "no joints: the action is a base twist";
+        let expected = "no joints, because the action is a base twist";
         return Err(TaskError::value("symmetry", format!("\"{name}\""), expected));
     }
     let mut numbers = Vec::new();

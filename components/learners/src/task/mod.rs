@@ -1,6 +1,6 @@
 //! A learning task: observations, action, reward, terminations, start and randomisation of one robot.
 //!
-//! A task is a TOML file. Its `observations` and `action` follow the format of a policy folder
+//! A task is a TOML file. The keys `observations` and `action` follow the format of a policy folder
 //! ([`motorium_models::policy`]), so that a trained policy runs with the same terms.
 //!
 //! ```
@@ -84,7 +84,8 @@ pub struct Task {
     pub step: f64,
     /// Number of physics steps per policy step, at least 1.
     pub decimation: usize,
-    /// Maximum duration of an episode \[s\]. An episode that reaches it is truncated, not terminated.
+    /// Maximum duration of an episode \[s\]. An episode that reaches this duration is truncated, not
+    /// terminated.
     pub duration: f64,
     /// Gravity, ground and objects around the robot, as in a graph. Paths are relative to the task. Default:
     /// Earth's gravity and no ground.
@@ -94,18 +95,18 @@ pub struct Task {
     pub start: StartState,
     /// Observation terms, in the format of `policy.toml`.
     pub observations: Vec<toml::Value>,
-    /// Depth cameras by name, with the keys of `sensor.depth_camera`. An image among the observations names
-    /// its camera, which has the number of pixels and, unless the observation states one, the range. Default:
-    /// none.
+    /// Depth cameras by name, with the keys of `sensor.depth_camera`. An image observation refers to one of
+    /// these cameras by name. The camera defines the number of pixels, and also the range unless the
+    /// observation specifies a range. Default: no cameras.
     #[serde(default)]
     pub cameras: Cameras,
-    /// Action, as in `policy.toml`, and the [`choices`](Self::choices) of a discrete one.
+    /// Action, as in `policy.toml`. A discrete action also has [`choices`](Self::choices).
     pub action: toml::Table,
     /// Settings of the wheels that a base twist moves, with the keys of `control.wheels`. A graph that runs
-    /// the policy states the same. Default: the defaults of `control.wheels`.
+    /// the policy must use the same settings. Default: the defaults of `control.wheels`.
     pub wheels: Option<WheelsConfig>,
-    /// Pattern generator commanded by the action, as in `policy.toml`. Default: the action commands the
-    /// joints.
+    /// Pattern generator commanded by the action, as in `policy.toml`. Default: no pattern generator; the
+    /// action commands the joints.
     pub pattern: Option<Pattern>,
     /// Terms of the reward, which are added.
     pub rewards: Vec<Reward>,
@@ -122,21 +123,21 @@ pub struct Task {
     /// number is sampled for each episode. Default: 0.
     #[serde(default)]
     pub delay: [usize; 2],
-    /// `true` limits position actions like a command gate: to the range and the velocity limit of each joint.
-    /// Default: false.
+    /// `true` limits position actions to the range and the velocity limit of each joint, as a command gate
+    /// does. Default: false.
     #[serde(default)]
     pub within_limits: bool,
     /// Ranges of physical properties and start states, sampled at the start of every episode, as in a graph.
     #[serde(default)]
     pub randomise: RandomiseConfig,
-    /// Left-right symmetry, for learners that mirror their steps. Default: no symmetry.
+    /// Left-right symmetry of the task, which learners need to mirror steps. Default: no symmetry.
     pub symmetry: Option<Symmetry>,
-    /// Settings of learning algorithms for this task, by the name of the algorithm.
+    /// Settings of learning algorithms for this task. The keys are the names of the algorithms.
     #[serde(default)]
     pub algorithms: toml::Table,
 }
 
-/// State at the start of an episode, before its randomisation.
+/// State at the start of an episode, to which randomisation is added.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StartState {
@@ -147,8 +148,8 @@ pub struct StartState {
     /// Maximum deviation of each velocity from the start, uniformly distributed \[rad/s or m/s\]. Default: 0.
     #[serde(default)]
     pub velocity_spread: f64,
-    /// Number of physics steps without commands before the first observation. In a graph the number is 1: the
-    /// first state is published after the first step, before a command can arrive. Default: 0.
+    /// Number of physics steps without commands before the first observation. A graph always performs 1 such
+    /// step: the first state is published after the first step, before a command can arrive. Default: 0.
     #[serde(default)]
     pub free_steps: usize,
 }
@@ -260,7 +261,7 @@ impl Task {
             return Err(TaskError::value("delay", format!("{:?}", task.delay), expected));
         }
         if task.within_limits && (task.pattern.is_some() || policy.action.kind != ActionKind::Position) {
-            let expected = "false: it is for joints whose positions the action commands";
+            let expected = "false, unless the action commands joint positions";
             return Err(TaskError::value("within_limits", true, expected));
         }
         task.reward_range()?;
@@ -280,11 +281,12 @@ impl Task {
         (self.duration * self.rate()).round() as usize
     }
 
-    /// Returns the text of `policy.toml` for policies of this task, with the digest of the robot if given.
+    /// Returns the text of `policy.toml` for policies of this task. The text contains the digest of the robot
+    /// if it is given.
     ///
     /// # Errors
     ///
-    /// [`TaskError`] if the terms do not serialise, or an image is not of a camera of the task.
+    /// [`TaskError`] if the terms do not serialise, or an image refers to an unknown camera.
     pub fn policy_text(&self, robot: Option<RobotDigest>) -> Result<String, TaskError> {
         let mut table = toml::Table::new();
         table.insert("network".into(), NETWORK.into());
@@ -339,7 +341,11 @@ impl Task {
 /// Checks the settings of the wheels of a task.
 fn check_wheels(wheels: &WheelsConfig, kind: ActionKind) -> Result<(), TaskError> {
     if kind != ActionKind::BaseTwist {
-        return Err(TaskError::value("wheels", "settings", "none: the action is not a base twist"));
+        return Err(TaskError::value(
+            "wheels",
+            "settings",
+            "no value, because the action is not a base twist",
+        ));
     }
     wheels.check().map_err(|error| TaskError::Setting {
         key: error.key.map_or_else(|| "wheels".to_owned(), |key| format!("wheels.{key}")),
@@ -347,10 +353,14 @@ fn check_wheels(wheels: &WheelsConfig, kind: ActionKind) -> Result<(), TaskError
     })?;
     let default = WheelsConfig::default();
     for (key, is_default, expected) in [
-        ("start", wheels.start == default.start, "none: a task has no odometry"),
-        ("slip", wheels.slip == default.slip, "none: a task has no odometry"),
-        ("gravity", wheels.gravity == default.gravity, "none: it is in `[world]`"),
-        ("state_timeout", wheels.state_timeout == default.state_timeout, "none: states have no age"),
+        ("start", wheels.start == default.start, "no value, because a task has no odometry"),
+        ("slip", wheels.slip == default.slip, "no value, because a task has no odometry"),
+        ("gravity", wheels.gravity == default.gravity, "no value; set it in `[world]`"),
+        (
+            "state_timeout",
+            wheels.state_timeout == default.state_timeout,
+            "no value, because the states of a task have no age",
+        ),
     ] {
         if !is_default {
             return Err(TaskError::value(format!("wheels.{key}"), "a value", expected));

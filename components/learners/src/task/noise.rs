@@ -7,8 +7,9 @@ use serde::Deserialize;
 use super::TaskError;
 use crate::random::{Counter, Purpose};
 
-/// Noise of the measurements that a policy observes in training: the maximum error of each number, uniformly
-/// distributed and independent in each step. Rewards and terminations use true states.
+/// Noise of the measurements that a policy observes in training, as the maximum error of each quantity.
+/// Errors are uniformly distributed, and independent for each number and each step. Rewards and terminations
+/// use true states.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct MeasurementNoise {

@@ -30,7 +30,8 @@ pub(super) type Pair = (usize, Option<usize>);
 /// from the measured joint positions, so that an environment, `learner.task` and `policy.network` compute
 /// identical points.
 ///
-/// Only [`new`](Self::new) allocates. [`locate`](Self::locate) sets all points except the target.
+/// Only [`new`](Self::new) allocates. [`locate`](Self::locate) sets all points except the target, which
+/// [`set_target`](Self::set_target) sets.
 #[derive(Clone, Debug)]
 pub struct Points {
     robot: Model,

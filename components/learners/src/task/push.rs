@@ -1,4 +1,4 @@
-//! Pushes of a task: horizontal forces on the base, sampled in time.
+//! Pushes of a task: horizontal forces on the base, at random times.
 
 use rand::RngExt as _;
 use serde::Deserialize;

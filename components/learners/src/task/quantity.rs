@@ -6,7 +6,7 @@ use serde::Deserialize;
 
 use super::TaskError;
 
-/// A quantity of the state after a step, for rewards and terminations.
+/// A quantity of the state after a step, which rewards and terminations can use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Quantity {
@@ -22,7 +22,8 @@ pub enum Quantity {
     JointEffort,
     /// Root mean square of the applied (clipped) action.
     Action,
-    /// Root mean square of the change of the applied (clipped) action since the last step.
+    /// Root mean square of the difference between the applied (clipped) actions of this step and the previous
+    /// step.
     ActionChange,
     /// Root mean square of the efforts of the action's joints in the last physics step \[Nm or N\].
     Effort,
@@ -42,11 +43,12 @@ pub enum Quantity {
     BaseHeight,
     /// Sum of the forces of contacts on `links` in the last physics step \[N\].
     ContactForce,
-    /// Distance of the first of `points` from the second, or from the origin of the world \[m\].
+    /// Distance between the two `points`, or between a single point and the world origin \[m\].
     Distance,
-    /// Height of the first of `points` above the second, or in the world \[m\].
+    /// Height of the first of `points` above the second point, or of a single point above the world origin
+    /// \[m\].
     Height,
-    /// Speed of the first of `points` relative to the second, or in the world \[m/s\].
+    /// Relative speed of the two `points`, or speed of a single point in the world \[m/s\].
     Speed,
 }
 
@@ -71,13 +73,14 @@ pub enum Shape {
 pub struct Reward {
     /// Quantity that is rewarded.
     pub term: Quantity,
-    /// Name of the joint, for a quantity of a joint.
+    /// Name of the joint if the quantity refers to a joint.
     pub joint: Option<String>,
-    /// Names of the joints, for `joint_cosine`.
+    /// Names of the joints if the quantity is `joint_cosine`.
     pub joints: Option<Vec<String>>,
-    /// Names of the links, for `contact_force`.
+    /// Names of the links if the quantity is `contact_force`.
     pub links: Option<Vec<String>>,
-    /// One or two points, for `distance`, `height` and `speed`: links, objects, or `target`.
+    /// One or two points if the quantity is `distance`, `height` or `speed`. A point is a link, an object, or
+    /// `target`.
     pub points: Option<Vec<String>>,
     /// Value subtracted from the quantity. Default: 0.
     #[serde(default)]
@@ -92,12 +95,12 @@ pub struct Reward {
     /// Factor of the term. Default: 1.
     #[serde(default = "one")]
     pub weight: f64,
-    /// Terms by which this term is multiplied. They cannot have `times` themselves. Default: none.
+    /// Terms by which this term is multiplied. These terms cannot contain `times`. Default: no factors.
     #[serde(default)]
     pub times: Vec<Self>,
 }
 
-/// Meaning of a termination for the task.
+/// Result of an episode that ends by a termination.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
@@ -108,28 +111,30 @@ pub enum Verdict {
     Success,
 }
 
-/// A condition that ends an episode.
+/// A condition that ends an episode: a quantity is outside or inside a range.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Termination {
     /// Quantity that is monitored.
     pub term: Quantity,
-    /// Name of the joint, for a quantity of a joint.
+    /// Name of the joint if the quantity refers to a joint.
     pub joint: Option<String>,
-    /// Names of the joints, for `joint_cosine`.
+    /// Names of the joints if the quantity is `joint_cosine`.
     pub joints: Option<Vec<String>>,
-    /// Names of the links, for `contact_force`.
+    /// Names of the links if the quantity is `contact_force`.
     pub links: Option<Vec<String>>,
-    /// One or two points, for `distance`, `height` and `speed`: links, objects, or `target`.
+    /// One or two points if the quantity is `distance`, `height` or `speed`. A point is a link, an object, or
+    /// `target`.
     pub points: Option<Vec<String>>,
-    /// Range outside of which the quantity ends the episode.
+    /// The episode ends if the quantity is outside this range.
     pub outside: Option<[f64; 2]>,
-    /// Range inside of which the quantity ends the episode.
+    /// The episode ends if the quantity is inside this range.
     pub inside: Option<[f64; 2]>,
-    /// Meaning of the termination. Default: `failure`.
+    /// Result of the episode if this condition ends it. Default: `failure`.
     #[serde(default)]
     pub verdict: Verdict,
-    /// Further conditions that must also hold. They cannot have `and` or `verdict` themselves. Default: none.
+    /// Further conditions that must hold at the same time to end the episode. These conditions cannot contain
+    /// `and` or `verdict`. Default: no further conditions.
     #[serde(default)]
     pub and: Vec<Self>,
 }
@@ -185,7 +190,7 @@ impl Subject<'_> {
             None | Some([_]) => Ok(()),
             Some([first, second]) if first != second => Ok(()),
             Some(found) => {
-                let expected = "one point, or two different ones";
+                let expected = "one point, or two different points";
                 Err(TaskError::value(format!("{key}.points"), found.join(", "), expected))
             }
         }
@@ -286,7 +291,11 @@ impl Reward {
         for (number, factor) in self.times.iter().enumerate() {
             let key = format!("{key}.times[{number}]");
             if !factor.times.is_empty() {
-                return Err(TaskError::value(format!("{key}.times"), "terms", "all factors in one list"));
+                return Err(TaskError::value(
+                    format!("{key}.times"),
+                    "terms",
+                    "all factors in the list of the first term",
+                ));
             }
             let [least, most] = factor.own_range(&key, clip)?;
             let products = [low * least, low * most, high * least, high * most];
@@ -319,7 +328,11 @@ impl Reward {
                 return Err(TaskError::value(format!("{key}.width"), found, "a width above 0"));
             }
             (_, Some(width)) => {
-                return Err(TaskError::value(format!("{key}.width"), width, "a width for kernels only"));
+                return Err(TaskError::value(
+                    format!("{key}.width"),
+                    width,
+                    "no width, except for the shape `kernel`",
+                ));
             }
             _ => {}
         }
@@ -372,10 +385,14 @@ impl Termination {
         for (number, other) in self.and.iter().enumerate() {
             let key = format!("{key}.and[{number}]");
             if !other.and.is_empty() {
-                return Err(TaskError::value(format!("{key}.and"), "conditions", "all of them in one list"));
+                return Err(TaskError::value(
+                    format!("{key}.and"),
+                    "conditions",
+                    "all conditions in the list of the first condition",
+                ));
             }
             if other.verdict != Verdict::default() {
-                let expected = "none: the first condition has the verdict";
+                let expected = "no value; set the verdict of the first condition";
                 return Err(TaskError::value(format!("{key}.verdict"), "success", expected));
             }
             other.check(&key)?;

@@ -6,8 +6,9 @@ use motorium_primitives::cpg::{Gait, NetworkSettings, Node, PhaseNetwork};
 
 use super::TaskError;
 
-/// The phase-amplitude network of a [`Pattern`], as in `policy.cpg`. Environments and `policy.joint_targets`
-/// share this type. Only [`new`](Self::new) and [`clone`](Clone::clone) allocate.
+/// The pattern generator of a [`Pattern`]: the network of oscillators that `policy.cpg` also uses.
+/// Environments and `policy.joint_targets` share this type. Only [`new`](Self::new) and
+/// [`clone`](Clone::clone) allocate.
 #[derive(Clone, Debug)]
 pub struct Rhythm {
     network: PhaseNetwork,
@@ -33,7 +34,7 @@ impl Rhythm {
         let Some(Ok(phases)) = phases else {
             let names: Vec<&str> = gaits.iter().map(|gait| gait.name()).collect();
             let expected = if names.is_empty() {
-                format!("two, four or six legs, not {legs}")
+                format!("a pattern with two, four or six legs instead of {legs}")
             } else {
                 format!("a gait of {legs} legs: {}", names.join(", "))
             };
@@ -68,8 +69,8 @@ impl Rhythm {
         self.network.clone_from(&self.start);
     }
 
-    /// Applies an action, clamped to its bounds: one number for each joint, then frequency and amplitude.
-    /// Returns `false` if a number is not finite.
+    /// Applies an action, clamped to its bounds. The action contains one number for each joint, then the
+    /// frequency and the amplitude. Returns `false` if a number is not finite.
     ///
     /// # Panics
     ///
@@ -85,7 +86,7 @@ impl Rhythm {
             })
     }
 
-    /// Advances by `dt` seconds.
+    /// Advances the oscillators by `dt` \[s\].
     pub fn step(&mut self, dt: f64) {
         self.network.step(dt);
     }

@@ -1,10 +1,10 @@
-//! Comparison of a robot with a policy's.
+//! Comparison of a robot with the robot for which a policy was trained.
 
 use motorium_models::policy::{Action, Policy, RobotDifference, RobotDigest};
 use motorium_robots::Loaded;
 
 /// Returns the digest of a robot for a policy that commands these joints; `None` if the robot lacks one of
-/// them.
+/// these joints.
 ///
 /// ```
 /// use motorium_learners::task::robot_digest;

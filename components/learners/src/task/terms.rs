@@ -1,4 +1,4 @@
-//! The terms of a task at the joints and links of a robot.
+//! The terms of a task, resolved for the joints and links of a robot.
 
 use motorium_models::policy::{
     ActionKind, BaseMotion, JointTargets, Numbers, Observer, Policy, Term, TwistRanges,
@@ -14,7 +14,7 @@ use super::{
 };
 use crate::random::Counter;
 
-/// Reward of a step, and the end of the episode.
+/// Reward of a step, and the verdict if the step ends the episode.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Outcome {
     /// Reward of the state after the step.
@@ -45,8 +45,8 @@ pub struct RobotState<'a> {
     pub images: &'a [f32],
 }
 
-/// The terms of a task, with joints and links resolved for one robot. They need no simulation: an environment
-/// and a component of a graph evaluate the same terms. Evaluation does not allocate.
+/// The terms of a task, with joints and links resolved for one robot. The terms need no simulation: an
+/// environment and a component of a graph evaluate the same terms. Evaluation does not allocate.
 #[derive(Debug)]
 pub struct Terms {
     policy: Policy,

@@ -10,11 +10,12 @@ use crate::random::Counter;
 /// Reason for the end of an episode.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum End {
-    /// A termination with the verdict failure was met, or a physics step failed.
+    /// A termination with the verdict `failure` was met, or a physics step failed.
     Failure,
-    /// A termination with the verdict success was met.
+    /// A termination with the verdict `success` was met.
     Success,
-    /// The maximum duration was reached. The episode is truncated, so the final state still has a value.
+    /// The maximum duration was reached. The episode is truncated, not terminated, so its return includes the
+    /// estimated value of the final state.
     Truncated,
 }
 
@@ -80,8 +81,8 @@ impl Trial {
         Self { noisy, ..Self::new(terms) }
     }
 
-    /// Starts the trial in a state. The counter and the level of the curriculum (0 to 1) determine the
-    /// commands.
+    /// Starts the trial in a state. Commands are sampled with the random numbers of `counter`, from ranges
+    /// that depend on the level of the curriculum (0 to 1).
     pub fn begin(&mut self, terms: &Terms, (counter, level): (Counter, f64), state: &RobotState<'_>) {
         (self.counter, self.level) = (counter, level);
         (self.step, self.total) = (0, 0.0);
@@ -93,7 +94,7 @@ impl Trial {
         self.observe(terms, state);
     }
 
-    /// Clamps the action of a step to the bounds of the task and stores it.
+    /// Clamps the action of a step to the bounds of the task and stores the result.
     ///
     /// # Panics
     ///
@@ -106,7 +107,8 @@ impl Trial {
         }
     }
 
-    /// Evaluates the state after a step. A failed physics step (`is_stepped` is `false`) counts as a failure.
+    /// Evaluates the state after a step. If the physics step failed (`is_stepped` is `false`), the episode
+    /// ends as a failure.
     pub fn judge(&mut self, terms: &Terms, state: &RobotState<'_>, is_stepped: bool) -> Step {
         self.step += 1;
         self.points.locate((state.positions, state.velocities), state.objects);
@@ -155,8 +157,8 @@ impl Trial {
         &self.newest
     }
 
-    /// Returns the current command: velocity forwards and to the left \[m/s\] and yaw rate \[rad/s\], or the
-    /// position of the target \[m\].
+    /// Returns the current command: forward velocity, velocity to the left \[m/s\] and yaw rate \[rad/s\], or
+    /// the position of the target \[m\].
     pub fn command(&self) -> [f64; 3] {
         self.command
     }

@@ -15,8 +15,8 @@ use crate::sac::SacSettings;
 use crate::task::{Task, TaskError};
 use crate::td3::Td3Settings;
 
-/// Creates a learner before its first step, with the settings of the task. `steps` overrides the total number
-/// of steps.
+/// Creates a learner with the settings of the task. The learner has not performed any step yet. `steps`
+/// overrides the total number of steps.
 ///
 /// # Errors
 ///

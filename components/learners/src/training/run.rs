@@ -3,9 +3,9 @@
 //! | file | content |
 //! |---|---|
 //! | `task.toml` | the task |
-//! | `run.json` | algorithm, seed, steps, and the folder to which the robot of the task is relative |
+//! | `run.json` | algorithm, seed, steps, and the folder to which the path of the task's robot is relative |
 //! | `checkpoint.safetensors` | networks, optimiser, statistics, counters and running episodes |
-//! | `progress.csv` | one line an update |
+//! | `progress.csv` | one line per update |
 //! | `policy.toml`, `policy.onnx` | the policy, at every checkpoint |
 
 use std::fmt::Write as _;
@@ -43,7 +43,7 @@ pub enum RunError {
     /// The run cannot be continued, because it has no checkpoint.
     #[error(
         "{} has no {CHECKPOINT}: a run of imitation learning cannot be continued\n\
-         help: train again into another folder",
+         help: start a new run in another folder",
         folder.display()
     )]
     NoCheckpoint {
@@ -82,13 +82,13 @@ struct Description {
 pub struct Summary {
     /// Algorithm of the run.
     pub algorithm: Algorithm,
-    /// Total steps of all worlds.
+    /// Number of steps in all worlds together.
     pub steps: u64,
     /// Number of updates.
     pub updates: u64,
     /// Progress of the last update; `None` if the run had already finished.
     pub last: Option<Progress>,
-    /// SHA-256 digest of all weights, in hexadecimal.
+    /// SHA-256 digest of all weights as hexadecimal digits.
     pub weights_sha256: String,
 }
 
@@ -127,8 +127,8 @@ impl Run {
         Self { folder: folder.to_path_buf(), task, robot, warnings, learner, last: None, watch }
     }
 
-    /// Starts a run of an algorithm on the task in a file, with the settings in `[algorithms]`. `steps`
-    /// overrides the total number of steps.
+    /// Starts a run of an algorithm on the task in a file. The settings come from the table `[algorithms]` of
+    /// the task. `steps` overrides the total number of steps.
     ///
     /// # Errors
     ///
@@ -220,8 +220,8 @@ impl Run {
         (self.learner.steps(), self.learner.total_steps())
     }
 
-    /// Performs one update, appends a line to the progress file, and writes a checkpoint when due. Returns
-    /// `None` once all steps have been performed.
+    /// Performs one update, appends a line to the progress file, and writes a checkpoint if one is due.
+    /// Returns `None` once all steps have been performed.
     ///
     /// # Errors
     ///
@@ -260,7 +260,7 @@ impl Run {
         written.map_err(|source| FileError { file, source }.into())
     }
 
-    /// Writes a checkpoint and the policy, as [`advance`](Self::advance) does when due.
+    /// Writes a checkpoint and the policy, as [`advance`](Self::advance) does at regular intervals.
     ///
     /// # Errors
     ///

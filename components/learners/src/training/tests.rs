@@ -461,7 +461,7 @@ fn settings_that_choices_exclude_are_refused() {
     for algorithm in [Algorithm::Sac, Algorithm::Td3, Algorithm::Ddpg] {
         assert_eq!(key(algorithm, ""), "action.choices", "{algorithm:?}");
         let error = begin(algorithm, &task(&discrete(), ""), (1, 1)).err().map(|error| error.to_string());
-        let named = format!("expected none for `{}`", algorithm.name());
+        let named = format!("expected no choices for `{}`", algorithm.name());
         assert!(error.as_ref().is_some_and(|error| error.contains(&named)), "{error:?}");
     }
     assert_eq!(key(Algorithm::Dqn, "[dqn]\nbins = 3"), "algorithms.dqn.bins");

@@ -1,4 +1,4 @@
-//! Tuning of a robot: one episode at a time, each with the permission of an operator.
+//! Tuning of a real robot: the robot runs one episode at a time, and an operator must permit each episode.
 
 use super::dialogue::{Action, AnswerError, Question, Stage};
 use super::run::{Progress, Recorder, Subject, Tuning, TuningError};
@@ -28,7 +28,7 @@ impl Tuning {
     /// result. `observe` is called after each recorded evaluation.
     ///
     /// The state is saved before each question. A tuning that is stopped, interrupted or killed therefore
-    /// asks the same question again, with bitwise the same values. An interrupted episode counts as not run.
+    /// asks the same question again, about bitwise the same values. An interrupted episode counts as not run.
     ///
     /// # Errors
     ///

@@ -56,7 +56,7 @@ pub struct AnswerError {
 }
 
 impl Stage {
-    /// Returns the valid answers in this stage, as text.
+    /// Returns a text that lists the valid answers in this stage.
     ///
     /// A result can be accepted if it has a reward, if a condition of success is not met, or if the values
     /// were refused. After a safe stop, a failed run or a reward without a value, there is nothing to accept.

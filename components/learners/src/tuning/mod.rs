@@ -1,19 +1,20 @@
-//! Tuning: a black-box search for parameters of a system, in a folder, on several threads.
+//! Tuning: a black-box search for parameters of a system. A tuning is stored in a folder and runs on several
+//! threads.
 //!
 //! A [`Tuning`] proposes values of [`Parameter`]s, and a [`Subject`] evaluates them, for example with a graph
 //! in an inline session. Every evaluation is a line of a table and is followed by a checkpoint, so an
 //! interrupted tuning continues where it stopped. If the evaluations are reproducible, parameters and rewards
-//! are bit-for-bit reproducible on any number of threads, also after a resume.
+//! are bit-for-bit reproducible on any number of threads, even if the tuning is interrupted and resumed.
 //!
-//! On a robot, [`Tuning::attend`] runs one episode at a time. An [`Operator`] permits each and judges its
-//! result.
+//! On a robot, [`Tuning::attend`] runs one episode at a time. An [`Operator`] permits each episode and judges
+//! its result.
 //!
 //! | file | content |
 //! |---|---|
 //! | `tuning.json` | settings, and the description of the subject |
-//! | `evaluations.csv` | one line an evaluation: number, outcome, reward, parameters, reason of a failure |
+//! | `evaluations.csv` | one line per evaluation: number, outcome, reward, parameters, reason for a failure |
 //! | `checkpoint.json` | state of the search and the dialogue with an operator, number of evaluations |
-//! | `best.toml` | the best parameters, in the form of the subject |
+//! | `best.toml` | the best parameters, in the format that the subject defines |
 
 mod attended;
 mod dialogue;
@@ -58,7 +59,7 @@ pub enum Method {
     /// Bayesian optimisation with a Gaussian process and expected improvement, for few, expensive
     /// evaluations.
     Bayesian,
-    /// Independent, uniformly distributed candidates, as a baseline.
+    /// Random search: independent, uniformly distributed candidates. Serves as a baseline.
     Random,
 }
 
@@ -75,15 +76,15 @@ pub struct Settings {
     pub seed: u64,
     /// Total number of evaluations, at least 1.
     pub evaluations: u64,
-    /// Number of simultaneous evaluations of a Bayesian search, at least 1. Each candidate is proposed
-    /// without the rewards of the last `together - 1` candidates. Other methods evaluate whole generations
-    /// together.
+    /// Number of simultaneous evaluations of a Bayesian search, at least 1. Each candidate is proposed before
+    /// the rewards of the previous `together - 1` candidates are known. All methods other than Bayesian
+    /// optimisation evaluate whole generations at once.
     pub together: usize,
 }
 
 impl Settings {
-    /// Creates the search. It starts in the middle of the ranges, with a standard deviation of a quarter of
-    /// each range.
+    /// Creates the search. The search starts in the middle of the ranges, with a standard deviation of a
+    /// quarter of each range.
     ///
     /// # Errors
     ///

@@ -9,14 +9,15 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Scale {
-    /// Linear scale, on which differences matter.
+    /// Linear scale: equal differences count equally.
     #[default]
     Linear,
-    /// Logarithmic scale, on which ratios matter, for gains and tolerances over several decades.
+    /// Logarithmic scale: equal ratios count equally. Suitable for gains and tolerances that span several
+    /// decades.
     Log,
 }
 
-/// A number to tune: the keys that it sets, and its range.
+/// A number to tune: the configuration keys that are set to this number, and the range of the number.
 ///
 /// ```
 /// use motorium_learners::tuning::{Parameter, Scale};
@@ -30,7 +31,7 @@ pub enum Scale {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Parameter {
-    /// Configuration keys that are set to the value, at least one.
+    /// Configuration keys that are set to the number, at least one.
     pub keys: Vec<String>,
     /// Lowest and highest value.
     pub range: [f64; 2],

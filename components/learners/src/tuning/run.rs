@@ -21,12 +21,12 @@ const CHECKPOINT: &str = "checkpoint.json";
 const TABLE: &str = "evaluations.csv";
 const BEST: &str = "best.toml";
 
-/// A subject whose parameters are evaluated by a [`Tuning`], such as a graph or a robot.
+/// A system whose parameters a [`Tuning`] evaluates, such as a graph or a robot.
 pub trait Subject: Sync {
     /// Resources of a thread. A worker is built on the thread that uses it.
     type Worker;
-    /// Error that ends a tuning, such as an interruption. Failed parameters are not an error but an
-    /// [`Evaluation`].
+    /// Error that ends a tuning, such as an interruption. A failed evaluation does not end the tuning; it is
+    /// reported as an [`Evaluation`].
     type Error: Send;
 
     /// Creates the worker of a thread.
@@ -36,8 +36,8 @@ pub trait Subject: Sync {
     /// Returns an error if the worker cannot be created.
     fn worker(&self, thread: usize) -> Result<Self::Worker, Self::Error>;
 
-    /// Evaluates values of the parameters, with random numbers derived from a seed. The result must not
-    /// depend on anything else.
+    /// Evaluates values of the parameters, with random numbers derived from a seed. The result must depend
+    /// only on the values and the seed.
     ///
     /// # Errors
     ///
@@ -95,7 +95,7 @@ pub enum TuningError<E> {
         /// Reason why the file does not parse.
         message: String,
     },
-    /// The checkpoint belongs to another search.
+    /// The checkpoint does not match the search of the settings.
     #[error("{}: {source}", file.display())]
     Restore {
         /// Path of the file.
@@ -116,7 +116,7 @@ pub enum TuningError<E> {
     /// The search rejected a reward.
     #[error(transparent)]
     Tell(#[from] TellError),
-    /// The first evaluation finished without a reward, so all other evaluations would also have none.
+    /// The first evaluation finished without a reward, so no evaluation would have a reward.
     #[error("the first evaluation has no reward: {reason}")]
     NoReward {
         /// Reason why the evaluation has no reward.
@@ -187,12 +187,12 @@ pub struct Summary {
     pub outcomes: BTreeMap<Outcome, u64>,
     /// Best values of the parameters and their reward; `None` if every evaluation failed.
     pub best: Option<(Vec<f64>, f64)>,
-    /// SHA-256 digest of the table of evaluations, in hexadecimal. Tables with equal parameters, rewards and
-    /// outcomes have equal digests.
+    /// SHA-256 digest of the table of evaluations as hexadecimal digits. Tables with equal parameters,
+    /// rewards and outcomes have equal digests.
     pub table_sha256: String,
 }
 
-/// A tuning in a folder; see [the module](super).
+/// A search for good parameters of a [`Subject`], stored in a folder; see [the module](super).
 pub struct Tuning {
     pub(super) folder: PathBuf,
     pub(super) settings: Settings,

@@ -5,7 +5,7 @@ use motorium_algebra::{Cholesky, Simd};
 use super::error::GpError;
 use crate::kernel::{Kernel, Points};
 
-/// Value added to the diagonal of every covariance, as in GPy.
+/// Value added to the diagonal of every covariance matrix, as in the library GPy.
 pub const NUGGET: f64 = 1e-8;
 
 /// Jitters added to the diagonal when a factorisation fails, relative to its mean, as in GPy.

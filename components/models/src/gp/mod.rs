@@ -73,8 +73,8 @@ pub struct Scratch {
 }
 
 impl GaussianProcess {
-    /// Creates a process from a noise variance and data. Each row of `x` is a point with `dimensions`
-    /// coordinates. The same row of `y` contains the `outputs` values at this point.
+    /// Creates a process from a kernel, a noise variance and data. Each row of `x` is a point with
+    /// `dimensions` coordinates. The same row of `y` contains the `outputs` values at this point.
     ///
     /// # Errors
     /// [`GpError`] if the sizes do not match, a value is not finite, or the covariance is not positive
@@ -234,7 +234,7 @@ impl GaussianProcess {
         Ok(found)
     }
 
-    /// Adds a point in `O(N^2)`, with the current hyperparameters.
+    /// Adds a point in `O(N^2)`, without changing the hyperparameters.
     ///
     /// # Errors
     /// [`GpError`] if a length is wrong, a value is not finite, or the covariance is no longer positive

@@ -1,5 +1,5 @@
-//! Sparse Gaussian processes: `O(N M^2)` with `M` inducing points, for more data than a full covariance
-//! allows.
+//! Sparse Gaussian processes: `O(N M^2)` with `M` inducing points, for data sets that are too large for a
+//! full covariance matrix.
 
 use nalgebra::linalg::Cholesky;
 use nalgebra::{DMatrix, DVector, Dyn};
@@ -22,7 +22,8 @@ pub enum Approximation {
 /// Jitters added to the diagonal of `K_uu` until it is positive definite.
 const JITTERS: [f64; 4] = [1e-8, 1e-7, 1e-6, 1e-4];
 
-/// A Gaussian process regression with inducing points, of one or several outputs that share a kernel.
+/// A Gaussian process regression that approximates the covariance with inducing points. One or several
+/// outputs share a kernel.
 #[derive(Clone, Debug)]
 pub struct SparseGaussianProcess {
     kernel: Kernel,
@@ -89,10 +90,10 @@ fn spread(points: &Points, count: usize) -> Vec<usize> {
 }
 
 impl SparseGaussianProcess {
-    /// Creates a process from a noise variance and data. Each row of `x` is a point with `dimensions`
-    /// coordinates. The same row of `y` contains the `outputs` values at this point. `inducing` is the number
-    /// of inducing points, which are points of `x` spread over the data. If points are repeated, there may be
-    /// fewer.
+    /// Creates a process from a kernel, a noise variance and data. Each row of `x` is a point with
+    /// `dimensions` coordinates. The same row of `y` contains the `outputs` values at this point. `inducing`
+    /// is the number of inducing points, which are points of `x` spread over the data. If `x` contains
+    /// repeated points, the process may have fewer inducing points.
     ///
     /// # Errors
     /// [`GpError`] if the sizes do not match, a value is not finite, `inducing` is 0 or exceeds the number of

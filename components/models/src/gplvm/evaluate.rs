@@ -1,4 +1,4 @@
-//! Errors on held-out poses, compared with simple methods.
+//! Errors of latent models on held-out poses, compared with the errors of simple methods.
 
 use motorium_algebra::Cholesky;
 
@@ -19,9 +19,9 @@ pub struct MethodError {
     pub deviation: f64,
 }
 
-/// Computes the errors of several methods that predict a robot's poses from a human's. Each fold holds out
-/// every `folds`th pose and trains on the others. Methods: `latent` (a shared model of both),
-/// `gaussian_process` (directly from pose to pose), `ridge`, `nearest`, `mean`.
+/// Computes the errors of several methods that predict a robot's poses from human poses. Each fold holds out
+/// every `folds`th pose and trains on the remaining poses. The methods are `latent` (a latent space shared by
+/// human and robot), `gaussian_process` (directly from pose to pose), `ridge`, `nearest` and `mean`.
 ///
 /// # Errors
 /// [`LatentError`] if sizes do not match, or `folds` is below 2 or above half the number of poses.

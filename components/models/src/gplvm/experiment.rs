@@ -28,7 +28,8 @@ impl Estimate {
     }
 }
 
-/// Comparison of a robot added to a trained model with a model trained with this robot from the start.
+/// Comparison of two models: in one, the robot was added after training; the other was trained with the robot
+/// from the start.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TransferResult {
     /// Mean squared error of the added robot on held-out poses.
@@ -46,8 +47,9 @@ pub struct TransferResult {
 pub struct FewPoses {
     /// Number of poses of the robot.
     pub poses: usize,
-    /// Mean squared error of each method on held-out poses: `transferred` (to the latent space of `source`),
-    /// `alone` (a model of the human and the robot with only these poses), and the direct methods.
+    /// Mean squared error of each method on held-out poses: `transferred` (the robot was added to the latent
+    /// space of `source`), `alone` (a model of the human and the robot, trained with only these poses), and
+    /// methods without a latent space.
     pub errors: Vec<(&'static str, Estimate)>,
 }
 
@@ -67,8 +69,8 @@ fn error_of(model: &LatentModel, robot: usize, human: &Poses, truth: &Poses) -> 
     squares / truth.values.len() as f64
 }
 
-/// Trains a model of the human and `source` and transfers `robot` to it, and trains another model of the
-/// human and `robot`, for each split. Split `k` of `folds` holds out every `folds`th pose.
+/// For each split, trains a model of the human and `source`, to which `robot` is then transferred, and a
+/// second model of the human and `robot`. Split `k` of `folds` holds out every `folds`th pose.
 ///
 /// # Errors
 /// [`LatentError`] if sizes do not match, or `folds` is out of range.
@@ -136,7 +138,7 @@ pub fn trained_together(
 }
 
 /// Computes the errors with few poses of the robot. In each split a fifth of the poses is held out. The robot
-/// has `counts` of the remaining poses, sampled at random; the human and `source` have all of them.
+/// has `counts` of the remaining poses, sampled at random; the human and `source` have all remaining poses.
 ///
 /// # Errors
 /// [`LatentError`] if sizes do not match, or a count is below 2 or above the number of poses of a split.

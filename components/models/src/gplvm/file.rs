@@ -68,7 +68,7 @@ pub enum FileError {
         /// Syntax error.
         error: serde_json::Error,
     },
-    /// Sizes in the file are inconsistent.
+    /// The sizes of arrays in the file are inconsistent.
     #[error("{what} does not match {points} points in {latents} dimensions")]
     Sizes {
         /// Name of the inconsistent quantity.

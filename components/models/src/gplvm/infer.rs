@@ -19,7 +19,7 @@ impl LatentModel {
 
     /// Writes the mean pose of a space at a latent point `x`, and the variance of an observation for each
     /// column. Returns the fraction of the kernel's variance that the training poses do not explain: 0 where
-    /// they determine the pose, 1 far from all of them. Does not allocate.
+    /// the training poses determine the pose, 1 far from all training poses. Does not allocate.
     ///
     /// # Panics
     /// If the space does not exist or a slice has the wrong length.
@@ -77,8 +77,9 @@ impl LatentModel {
         }
     }
 
-    /// Maps a new pose to its latent point by the back constraint, and writes the point to `x`. `standard` is
-    /// a buffer for the standardised pose. Returns `false` if there is no back constraint. Does not allocate.
+    /// Maps a new pose to its latent point by the back constraint, and writes this point to `x`. `standard`
+    /// is a workspace for the standardised pose. Returns `false` if there is no back constraint. Does not
+    /// allocate.
     ///
     /// # Panics
     /// If a slice has the wrong length; `standard` must have the length of the pose.

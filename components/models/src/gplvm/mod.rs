@@ -1,8 +1,8 @@
 //! Latent spaces shared by a human and any number of robots (shared Gaussian process latent variable models).
 //!
 //! Each space `i`, a set of poses `Y_i` with `N` rows, is a Gaussian process of a common latent matrix `X`
-//! with `N` rows and `q` columns: `E_i = (D_i N ln 2 pi + D_i ln |K_i| + tr K_i^-1 Y_i Y_i^T) / 2`, with an
-//! RBF kernel with one length scale for each latent dimension and noise. Training minimises
+//! with `N` rows and `q` columns: `E_i = (D_i N ln 2 pi + D_i ln |K_i| + tr K_i^-1 Y_i Y_i^T) / 2`, with
+//! noise and an RBF kernel that has one length scale for each latent dimension. Training minimises
 //! `sum_i E_i + |X|^2 / 2` by L-BFGS with analytic gradients, starting from the principal components of the
 //! first space.
 //!
@@ -15,7 +15,7 @@
 //! point to the next point of its movement.
 //!
 //! **Transfer** adds a robot to a trained model: `X` and all other spaces stay fixed, and only the robot's
-//! `q + 2` hyperparameters are fitted, from three starts.
+//! `q + 2` hyperparameters are fitted. The fit tries three starts.
 //!
 //! References: Lawrence, *Probabilistic non-linear principal component analysis with Gaussian process latent
 //! variable models*, JMLR 6, 2005; Lawrence, Quinonero-Candela, *Local distance preservation in the GP-LVM

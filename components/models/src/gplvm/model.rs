@@ -22,13 +22,13 @@ pub struct LatentModel {
 /// Result of [`LatentModel::transfer`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Transferred {
-    /// Final objective of each start: at convergence for the best start, after a few iterations for the
-    /// others.
+    /// Final objective of each start: at convergence for the best start, and after a few iterations for the
+    /// other starts.
     pub starts: Vec<f64>,
     /// Minimum reached from the best start.
     pub minimum: Minimum,
-    /// Mean squared error of predicting each pose from the latent points of all others, relative to the
-    /// variance.
+    /// Leave-one-out error: mean squared error of predicting each pose of the robot from its latent point and
+    /// all other poses, relative to the variance of the poses.
     pub left_out: f64,
     /// Warning that the space hardly depends on the latent point, if the noise exceeds half of the variance
     /// or `left_out` exceeds 0.8.
@@ -100,7 +100,7 @@ impl LatentModel {
         self.points.len()
     }
 
-    /// Returns the latent points, one per row.
+    /// Returns the latent points; each row is a point.
     pub fn latent(&self) -> Vec<f64> {
         self.points.to_rows()
     }
@@ -110,7 +110,7 @@ impl LatentModel {
         self.source.as_deref()
     }
 
-    /// Sets the folder of the training poses, which is stored in the file.
+    /// Sets the folder of the training poses, which is stored in the model file.
     pub fn set_source(&mut self, folder: &str) {
         self.source = Some(folder.to_string());
     }
@@ -166,8 +166,9 @@ impl LatentModel {
         self.back.as_ref().map(|back| &self.spaces[back.space])
     }
 
-    /// Returns the model restricted to its first `poses` poses, with the same latent points, hyperparameters
-    /// and back constraint. A robot with only these poses can be added to it.
+    /// Returns the model restricted to its first `poses` poses. The latent points of these poses, the
+    /// hyperparameters and the back constraint are kept. A robot with only these poses can be added to the
+    /// restricted model.
     ///
     /// # Errors
     /// [`LatentError`] if the number of poses is out of range.
@@ -188,9 +189,9 @@ impl LatentModel {
     /// Adds a robot while the latent points and all other spaces stay fixed. The hyperparameters are fitted
     /// from three starts: the hyperparameters of the last space; the standard deviations of the latent points
     /// as length scales, with noise 0.01; and these length scales divided by e, with noise 0.1. If the latent
-    /// point is the pose itself ([`BackForm::Pose`]), the length scales of the latter two are multiplied by
-    /// the square root of the number of its dimensions. After a few iterations from each start, only the best
-    /// one continues.
+    /// point is the pose itself ([`BackForm::Pose`]), the length scales of the last two starts are multiplied
+    /// by the square root of the number of latent dimensions. After a few iterations from each start, only
+    /// the best start continues.
     ///
     /// # Errors
     /// [`LatentError`] if the poses do not match the model or no start has a positive definite covariance.
@@ -210,8 +211,8 @@ impl LatentModel {
         let warning = (share > NOISY || left_out > UNPREDICTABLE).then(|| {
             let (share, left_out) = (100.0 * share, 100.0 * left_out);
             format!(
-                "the latent hardly predicts {name}: {share:.0} % of the variance is noise, and the error of poses \
-                 that are left out is {left_out:.0} % of the variance"
+                "the latent points hardly predict the poses of {name}: {share:.0} % of the variance is \
+                 noise, and the leave-one-out error is {left_out:.0} % of the variance"
             )
         });
         Ok(Transferred { starts, minimum, left_out, warning })

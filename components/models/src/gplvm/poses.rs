@@ -15,10 +15,10 @@ pub struct Poses {
     pub name: String,
     /// Names of the columns.
     pub columns: Vec<String>,
-    /// Poses, one per row.
+    /// Values of the poses, row by row; each row is a pose.
     pub values: Vec<f64>,
-    /// Rows at which movements start: the first row, and each row with another label `clip` than the row
-    /// before.
+    /// Rows at which movements start: the first row, and each row whose label `clip` differs from the
+    /// previous row's.
     pub starts: Vec<usize>,
 }
 

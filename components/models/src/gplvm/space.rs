@@ -13,7 +13,7 @@ pub struct SpaceData<'a> {
     pub name: &'a str,
     /// Names of the columns.
     pub columns: Vec<String>,
-    /// Poses, one per row.
+    /// Values of the poses, row by row; each row is a pose.
     pub values: &'a [f64],
 }
 
@@ -27,9 +27,9 @@ pub struct Space {
     /// Mean of each column.
     pub mean: Vec<f64>,
     /// Scale of each column: its standard deviation, or 1 for a constant column. If the latent point is a
-    /// pose, the square root of the mean variance of all columns.
+    /// pose, the scale is the square root of the mean variance of all columns.
     pub scale: Vec<f64>,
-    /// Kernel from the latent point to the standardised poses.
+    /// Kernel of the Gaussian process from latent points to standardised poses.
     pub kernel: Stationary,
     /// Noise variance of the standardised poses.
     pub noise: f64,
@@ -40,10 +40,10 @@ pub struct Space {
 /// Column scaling of a space.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Scaling {
-    /// Each column is scaled by its standard deviation.
+    /// Each column is divided by its standard deviation.
     Columns,
-    /// All columns are scaled by the square root of their mean variance, which keeps the relative weights of
-    /// their errors.
+    /// All columns are divided by the square root of their mean variance, so that errors keep their relative
+    /// weights.
     Common,
 }
 
@@ -95,8 +95,8 @@ impl Space {
         self.targets.len() / self.mean.len()
     }
 
-    /// Returns the fraction of noise in the model's variance. Near 1, the space does not depend on the latent
-    /// point.
+    /// Returns the fraction of noise in the variance of the space's poses. Near 1, the poses do not depend on
+    /// the latent point.
     pub fn noise_share(&self) -> f64 {
         self.noise / (self.noise + self.kernel.variance)
     }

@@ -21,8 +21,8 @@ pub enum Prior {
     Normal,
     /// Dynamic prior: a Gaussian process from each latent point to the next, with an RBF and a linear kernel
     /// whose hyperparameters are also trained, and a standard normal prior on the points that start a
-    /// movement. It keeps the latent points of a movement close together. Not allowed if the latent point is
-    /// a pose.
+    /// movement. This prior keeps the latent points of a movement close together. Not allowed if the latent
+    /// point is a pose.
     Dynamics {
         /// Rows of the poses that start a movement. The first row always starts a movement.
         starts: Vec<usize>,
@@ -201,8 +201,8 @@ fn principal_components(space: &Space, latents: usize) -> Vec<f64> {
 }
 
 impl LatentModel {
-    /// Trains one latent space for several pose spaces. Equal rows of the spaces must be poses at the same
-    /// instant.
+    /// Trains one latent space for several pose spaces. Rows with the same index must be poses at the same
+    /// instant in all spaces.
     ///
     /// # Errors
     /// [`LatentError`] if sizes or names do not match, a value is not finite, or a setting is out of range.
@@ -211,8 +211,8 @@ impl LatentModel {
     }
 
     /// Trains like [`train`](Self::train), and calls `report` with each evaluation of an objective. The
-    /// arguments of `report` are a name and the value of the objective. If the spaces are fitted one after
-    /// the other, the name is the name of the space, otherwise `all spaces`.
+    /// arguments of `report` are a name and the value of the objective. The name is the name of the space if
+    /// the spaces are fitted one after the other, and `all spaces` if they are fitted together.
     ///
     /// # Errors
     /// Same as [`train`](Self::train).

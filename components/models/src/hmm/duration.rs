@@ -7,9 +7,9 @@ use super::{Hmm, HmmError, check_distribution};
 ///
 /// `P(d | s)` is a table for each state, from 1 observation to a maximum duration; the remaining probability
 /// belongs to longer durations. States are entered by the transitions of the underlying model, without
-/// self-transitions. The last state of a sequence may be truncated; its probability is the probability of at
-/// least its observed duration. Reference: Yu, *Hidden semi-Markov models*, Artificial Intelligence 174,
-/// 2010.
+/// self-transitions. The end of a sequence may truncate the last state. The probability of this state is the
+/// probability that it lasts at least as long as observed. Reference: Yu, *Hidden semi-Markov models*,
+/// Artificial Intelligence 174, 2010.
 #[derive(Clone, Debug)]
 pub struct Hsmm {
     model: Hmm,
@@ -174,7 +174,7 @@ impl Hsmm {
         if last.is_finite() { Ok(last) } else { Err(HmmError::Impossible { row: n - 1 }) }
     }
 
-    /// Returns the log-likelihood of a sequence, stored row by row.
+    /// Returns the log-likelihood of a sequence of observations. Each row of `sequence` is an observation.
     ///
     /// # Errors
     /// [`HmmError`] if the sequence is invalid or impossible.
@@ -226,10 +226,11 @@ impl Hsmm {
         Ok((value, path))
     }
 
-    /// Fits observations, transitions and normal durations to the most probable paths of some sequences.
-    /// Stops when the joint log-probability increases by less than `tolerance`, or decreases, which is
-    /// possible because of the floors of variances and durations. Returns the joint log-probability before
-    /// each iteration. A truncated last state counts with its observed duration.
+    /// Fits observations, transitions and normally distributed durations to the most probable paths of the
+    /// sequences. Stops when the joint log-probability increases by less than `tolerance`, or decreases,
+    /// which is possible because of the floors of variances and durations. Returns the joint log-probability
+    /// before each iteration. A last state that the end of a sequence truncates counts with its observed
+    /// duration.
     ///
     /// # Errors
     /// [`HmmError`] if a sequence is invalid or impossible, or a covariance is no longer positive definite.

@@ -2,12 +2,12 @@
 
 use motorium_algebra::Cholesky;
 
-/// Form of the covariance matrices.
+/// Form of the covariance matrices of observations.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shape {
     /// Diagonal covariances: the columns are independent.
     Diagonal,
-    /// Full covariances.
+    /// Full covariances: the columns may be correlated.
     Full,
 }
 

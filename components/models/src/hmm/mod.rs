@@ -1,10 +1,11 @@
 //! Hidden Markov and semi-Markov models with Gaussian observations.
 //!
 //! A chain of `K` states: `P(s_1 = i) = pi_i`, `P(s_{t+1} = j | s_t = i) = A_ij`, `y_t | s_t ~ N(m_s, C_s)`.
-//! The scaled forward-backward recursion computes the likelihood and the E-step, [`viterbi`](Hmm::viterbi)
-//! the most probable path. A **left-right** model starts in the first state and stays or moves to the next
-//! state only; entries of `A` that are 0 stay 0 in training. Reference: Rabiner, *A tutorial on hidden Markov
-//! models and selected applications in speech recognition*, Proc. IEEE 77, 1989.
+//! The scaled forward-backward recursion computes the likelihood and the E-step, and
+//! [`viterbi`](Hmm::viterbi) computes the most probable path. A **left-right** model starts in the first
+//! state and then either stays in its state or moves to the next state; entries of `A` that are 0 stay 0 in
+//! training. Reference: Rabiner, *A tutorial on hidden Markov models and selected applications in speech
+//! recognition*, Proc. IEEE 77, 1989.
 //!
 //! [`Hsmm`] adds an explicit distribution of the time spent in a state. Movements are reproduced by
 //! [`Regression`] (conditional means of some columns given others) and by [`Tracker`] (a linear quadratic
@@ -203,7 +204,8 @@ impl Hmm {
         &self.start
     }
 
-    /// Returns the transition probabilities, row by row.
+    /// Returns the transition probabilities. Row `i` contains the probabilities of all states after state
+    /// `i`.
     pub fn transitions(&self) -> &[f64] {
         &self.transitions
     }
@@ -213,7 +215,7 @@ impl Hmm {
         &self.gaussians[state].mean
     }
 
-    /// Returns the covariance of the observations of a state, row by row.
+    /// Returns the covariance matrix of the observations of a state, stored row by row.
     pub fn covariance(&self, state: usize) -> &[f64] {
         &self.gaussians[state].covariance
     }
@@ -236,7 +238,7 @@ impl Hmm {
             .collect())
     }
 
-    /// Returns the log-likelihood of a sequence, stored row by row.
+    /// Returns the log-likelihood of a sequence of observations. Each row of `sequence` is an observation.
     ///
     /// # Errors
     /// [`HmmError`] if the sequence is invalid or impossible.

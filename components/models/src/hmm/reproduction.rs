@@ -6,8 +6,8 @@ use nalgebra::{DMatrix, DVector};
 
 use super::{Hmm, HmmError};
 
-/// A Gaussian mixture regression that predicts some columns of an observation from the others, with one
-/// Gaussian per state of a hidden Markov model.
+/// A Gaussian mixture regression that predicts some columns of an observation from the other columns, with
+/// one Gaussian per state of a hidden Markov model.
 ///
 /// `h_i ~ P(s_t = i | inputs so far)` comes from the forward recursion on the input columns, and `y = sum_i
 /// h_i (m_i^o + C_i^oi (C_i^ii)^-1 (x - m_i^i))`. Reference: Calinon and others, *Learning and reproduction
@@ -23,7 +23,7 @@ pub struct Regression {
 }
 
 impl Regression {
-    /// Creates a regression from the columns `inputs` to all other columns.
+    /// Creates a regression that predicts all other columns from the columns `inputs`.
     ///
     /// # Errors
     /// [`HmmError`] if `inputs` is empty, contains a duplicate or unknown column, or leaves no output, or if
@@ -71,7 +71,8 @@ impl Regression {
         &self.outputs
     }
 
-    /// Returns the outputs for a sequence of inputs, both stored row by row.
+    /// Returns the outputs for a sequence of inputs. Inputs and outputs are stored row by row, one row per
+    /// step.
     ///
     /// # Errors
     /// [`HmmError`] if the sequence is invalid or impossible.
@@ -91,12 +92,12 @@ impl Regression {
     }
 }
 
-/// A tracker that follows a path of states with a double integrator: closely where the variance of a state is
-/// small, loosely where it is large.
+/// A tracker that follows a path of states with a double integrator: closely where the variance of the state
+/// is small, and loosely where the variance is large.
 ///
-/// It minimises `sum_t (y_t - m_s)^T C_s^-1 (y_t - m_s) + r |u_t|^2` with `y'' = u`, sampled at `dt`, by the
-/// backward Riccati recursion. Reference: Calinon, *A tutorial on task-parameterized movement learning and
-/// retrieval*, Intelligent Service Robotics 9, 2016.
+/// The tracker minimises `sum_t (y_t - m_s)^T C_s^-1 (y_t - m_s) + r |u_t|^2` with `y'' = u`, sampled at
+/// `dt`, by the backward Riccati recursion. Reference: Calinon, *A tutorial on task-parameterized movement
+/// learning and retrieval*, Intelligent Service Robotics 9, 2016.
 #[derive(Clone, Debug)]
 pub struct Tracker {
     dimensions: usize,
@@ -163,7 +164,8 @@ impl Tracker {
         Ok(Self { dimensions: d, dt, steps })
     }
 
-    /// Returns the movement that starts at rest at the position `start`, with one row per state of the path.
+    /// Returns the movement that starts at rest at the position `start`. The movement has one row per state
+    /// of the path.
     ///
     /// # Errors
     /// [`HmmError`] if the position has the wrong number of columns.

@@ -105,8 +105,8 @@ impl Hmm {
     /// iteration.
     ///
     /// # Errors
-    /// [`HmmError`] if a sequence is invalid or impossible, or a covariance is no longer positive definite.
-    /// The model then contains the result of the last complete iteration.
+    /// [`HmmError`] if a sequence is invalid or impossible, or a covariance is not positive definite after an
+    /// iteration. The model then contains the result of the last complete iteration.
     pub fn train(
         &mut self,
         sequences: &[&[f64]],

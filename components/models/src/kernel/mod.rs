@@ -10,10 +10,10 @@
 //! | periodic | `s exp(-1/2 sum_d sin^2(pi (x_d - z_d) / p) / l_d^2)` |
 //! | linear | `sum_d s_d x_d z_d` |
 //! | bias | `s` |
-//! | white | `s` of a point with itself, else 0 |
+//! | white | `s` if both points are the same point, otherwise 0 |
 //!
-//! Parameters are the logarithms of variances, length scales and periods, in this order; the parameters of
-//! sums and products are their parts' parameters, one after the other. Reference: Rasmussen, Williams,
+//! Parameters are the logarithms of variances, length scales and periods, in this order; the parameters of a
+//! sum or product are the parameters of its parts, one part after the other. Reference: Rasmussen, Williams,
 //! *Gaussian Processes for Machine Learning*, chapter 4.
 
 mod gradient;
@@ -140,8 +140,8 @@ impl Kernel {
         }
     }
 
-    /// Writes to `out` the covariances of `query` with the points from index `first` on. If the query is one
-    /// of the points, `own` is the index of this point. Does not allocate.
+    /// Writes to `out` the covariances of `query` with the points from index `first` on. `own` is the index
+    /// of the query if the query is one of the points. Does not allocate.
     ///
     /// # Panics
     /// If `scratch` has fewer than [`scratch_rows`](Self::scratch_rows) rows of the length of `out`.
@@ -224,7 +224,7 @@ impl Kernel {
         stationary::row_with_slopes(profile, s, query, points, first, (out, slopes));
     }
 
-    /// Returns the variance at the point `x`. Independent noise is included if `own` is `true`.
+    /// Returns the variance at the point `x`. If `own` is `true`, the variance includes independent noise.
     pub fn variance(&self, x: &[f64], own: bool) -> f64 {
         match self {
             Self::Rbf(s) | Self::Matern32(s) | Self::Matern52(s) | Self::Periodic { scales: s, .. } => {

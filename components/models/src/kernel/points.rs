@@ -1,6 +1,7 @@
 //! Inputs of a kernel, stored by dimension.
 
-/// Points stored one dimension after the other, so that loops over points access contiguous memory.
+/// Points at which a kernel is evaluated. Coordinates are stored dimension by dimension, so that loops over
+/// points access contiguous memory.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Points {
     dimensions: usize,
@@ -10,7 +11,7 @@ pub struct Points {
 }
 
 impl Points {
-    /// Creates points from rows, one point per row.
+    /// Creates points from rows. Each row contains the coordinates of a point.
     ///
     /// # Panics
     /// If the length of `rows` is not a multiple of `dimensions`.
@@ -62,7 +63,7 @@ impl Points {
         }
     }
 
-    /// Returns the points as rows.
+    /// Returns the points row by row. Each row contains the coordinates of a point.
     pub fn to_rows(&self) -> Vec<f64> {
         (0..self.count).flat_map(|i| (0..self.dimensions).map(move |d| self.coordinate(d)[i])).collect()
     }

@@ -1,4 +1,4 @@
-//! Stationary kernels: their parameters, and their rows, computed as loops over contiguous points.
+//! Stationary kernels: their parameters, and rows of covariances, computed by loops over contiguous memory.
 
 use motorium_algebra::Simd;
 use serde::{Deserialize, Serialize};

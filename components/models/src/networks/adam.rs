@@ -8,7 +8,7 @@ const EPSILON: f32 = 1e-8;
 /// Decay of the first and of the second moment.
 const BETA: [f32; 2] = [0.9, 0.999];
 
-/// State of the Adam optimiser for all parameters of a network, in order.
+/// State of the Adam optimiser for all parameters of a network.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Adam {
     first: Vec<Vec<f32>>,
@@ -56,8 +56,8 @@ impl Adam {
         Self { epsilon, ..self }
     }
 
-    /// Updates the parameters by one step against the gradients with the learning rate `rate`. `decay` is the
-    /// rate of weight decay towards 0 (AdamW).
+    /// Moves the parameters by one step that decreases the loss, with the learning rate `rate`. `decay` is
+    /// the rate at which the parameters decay towards 0 (AdamW).
     ///
     /// # Panics
     /// If the lengths of the slices differ from the lengths passed to [`new`](Self::new).
@@ -84,7 +84,7 @@ impl Adam {
         self.steps
     }
 
-    /// Returns the first and second moments of each slice of parameters.
+    /// Returns the first and second moments of the gradient for each slice of parameters.
     pub fn moments(&self) -> [&[Vec<f32>]; 2] {
         [&self.first, &self.second]
     }

@@ -16,7 +16,7 @@ const GAIN: f32 = 1.0;
 /// Sides after the first convolution, its pooling, and the second convolution.
 const SIDES: [usize; 3] = [IMAGE_SIDE - 4, (IMAGE_SIDE - 4) / 2, (IMAGE_SIDE - 4) / 2 - 4];
 
-/// A network of two convolutions and two dense layers.
+/// A network that maps a square grey image to numbers by two convolutions and two dense layers.
 ///
 /// ```
 /// use motorium_models::networks::{ConvolutionalNetwork, IMAGE_SIDE};
@@ -68,7 +68,7 @@ impl ConvolutionalNetwork {
         self.layers.iter().map(|layer| (&layer.weights, &layer.bias))
     }
 
-    /// Creates a network from its [`layers`](Self::layers); `None` if their sizes do not match.
+    /// Creates a network from its [`layers`](Self::layers); `None` if the sizes of the layers do not match.
     pub fn from_layers(layers: [Layer; 4]) -> Option<Self> {
         let outputs = layers[3].0.nrows();
         let fits =
@@ -82,7 +82,7 @@ impl ConvolutionalNetwork {
         self.layers.iter().map(|layer| layer.weights.len() + layer.bias.len()).sum()
     }
 
-    /// Computes the outputs for images, one image per column.
+    /// Computes the outputs for images. Each column is an image.
     pub fn forward(&self, pictures: &DMatrix<f32>) -> DMatrix<f32> {
         self.trace(pictures).out
     }
@@ -125,8 +125,8 @@ impl ConvolutionalNetwork {
         ([first_gradients, second_gradients, dense_gradients, last_gradients], loss)
     }
 
-    /// Runs one step of Adam on a batch, and returns the mean loss per sample. `rate` is the learning rate,
-    /// `decay` the weight decay.
+    /// Runs one step of Adam on a batch, and returns the mean loss per sample. `rate` is the learning rate
+    /// and `decay` the weight decay.
     pub fn learn(
         &mut self,
         adam: &mut Adam,

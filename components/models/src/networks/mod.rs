@@ -1,7 +1,8 @@
-//! Neural networks on matrices of `f32`, one sample per column, with seeded training on the CPU.
+//! Neural networks that are trained on the CPU, reproducibly from a seed. Samples are the columns of `f32`
+//! matrices.
 //!
 //! - [`ConvolutionalNetwork`]: two convolutions and two dense layers on a grey image.
-//! - [`differentiable`]: layers with backward passes, for any network.
+//! - [`differentiable`]: layers with backward passes, to build other networks.
 //! - [`Perceptron`]: a multilayer perceptron on batches.
 //! - [`Adam`]: the stochastic gradient method used for training.
 

@@ -7,7 +7,7 @@ use rand_pcg::Pcg64;
 use super::differentiable::Function;
 use super::products::{Left, Product};
 
-/// A multilayer perceptron with `tanh` between its layers, or another [`Function`].
+/// A multilayer perceptron with a [`Function`] between its layers, by default `tanh`.
 ///
 /// A batch is a matrix with one sample per column. Sums over inputs, outputs and samples have a fixed order
 /// and use fused multiply-adds. Results are therefore bitwise equal on every processor, and the output of a
@@ -133,8 +133,8 @@ fn resize(matrix: &mut DMatrix<f32>, rows: usize, columns: usize) {
     }
 }
 
-/// Trace of a forward pass: the inputs of all layers, then the output. Reuse a trace to avoid allocation in
-/// passes over batches of the same size.
+/// Trace of a forward pass, from which gradients are computed: the inputs of all layers, then the output.
+/// Reuse a trace to avoid allocation in passes over batches of the same size.
 #[derive(Clone, Debug, Default)]
 pub struct PerceptronTrace {
     /// Inputs of all layers, then the output.
@@ -144,15 +144,15 @@ pub struct PerceptronTrace {
 }
 
 impl PerceptronTrace {
-    /// Returns the network input for `samples` samples of `inputs` numbers, one sample per column, to be
-    /// overwritten.
+    /// Returns a buffer for the network input: `samples` columns, each with the `inputs` numbers of a sample.
+    /// The caller must overwrite the whole buffer.
     pub fn input_mut(&mut self, inputs: usize, samples: usize) -> &mut [f32] {
         self.values.resize_with(self.values.len().max(1), DMatrix::default);
         resize(&mut self.values[0], inputs, samples);
         self.values[0].as_mut_slice()
     }
 
-    /// Returns the network output, one sample per column.
+    /// Returns the network output. Each column is a sample.
     pub fn output(&self) -> &DMatrix<f32> {
         &self.values[self.values.len() - 1]
     }
@@ -225,7 +225,7 @@ impl Perceptron {
     ///
     /// # Panics
     ///
-    /// If the trace has no input, or an input with another number of values per sample.
+    /// If the trace has no input, or the number of values per sample is wrong.
     pub fn run(&self, PerceptronTrace { values, .. }: &mut PerceptronTrace) {
         assert_eq!(values.first().map(DMatrix::nrows), Some(self.layers[0].inputs), "inputs");
         values.resize_with(self.layers.len() + 1, DMatrix::default);
@@ -239,16 +239,16 @@ impl Perceptron {
     }
 
     /// Returns the gradient of a loss with respect to all parameters, summed over the batch. `output` is the
-    /// gradient with respect to the outputs. The order is the same as in [`to_vec`](Self::to_vec).
+    /// gradient with respect to the outputs. Parameters are in the order of [`to_vec`](Self::to_vec).
     pub fn gradients(&self, trace: &PerceptronTrace, output: DMatrix<f32>) -> Vec<f32> {
         let mut parameters = vec![0.0; self.parameters()];
         self.propagate(&trace.values, &mut vec![output], Some(&mut parameters));
         parameters
     }
 
-    /// Writes the [gradient](Self::gradients) of a loss with respect to all parameters. `output` computes the
-    /// gradient with respect to the outputs from the outputs, one sample after the other; entries that it
-    /// does not write are undefined.
+    /// Writes the [gradient](Self::gradients) of a loss with respect to all parameters. `output` receives the
+    /// outputs of one sample after the other, and writes the gradient of the loss with respect to these
+    /// outputs. Entries that `output` does not write are undefined.
     ///
     /// # Panics
     ///
@@ -268,7 +268,7 @@ impl Perceptron {
         self.propagate(values, gradients, Some(parameters));
     }
 
-    /// Returns the gradient of a loss with respect to the inputs, one sample per column. `output` is the
+    /// Returns the gradient of a loss with respect to the inputs. Each column is a sample. `output` is the
     /// gradient with respect to the outputs.
     pub fn input_gradients(&self, trace: &PerceptronTrace, output: DMatrix<f32>) -> DMatrix<f32> {
         let mut gradients = vec![output];

@@ -1,8 +1,8 @@
 //! Products of matrices of `f32`, for batches of samples.
 //!
-//! Every entry is a sum in ascending order of the common dimension with fused multiply-adds, each rounded
-//! once. The lanes of a vector contain different columns, so the bits depend neither on other rows and
-//! columns nor on the width of the processor's instructions.
+//! Every entry is a sum in ascending order of the common dimension. Each term is added by a fused
+//! multiply-add, which rounds once. The lanes of a vector contain different columns, so the bits depend
+//! neither on other rows and columns nor on the width of the processor's instructions.
 
 use core::array;
 

@@ -6,7 +6,8 @@ use super::proto::{GraphProto, INT64, ModelProto, TensorProto};
 use super::write::{integer, node, port, tensor};
 use super::{Input, Length, Model, OnnxError};
 
-/// Mapping of several inputs and outputs of a network to one observation and one action.
+/// Mapping from one observation to the several inputs of a network, and from the network's outputs to one
+/// action.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Adapter {
     /// Number of values of the observation.
@@ -15,7 +16,7 @@ pub struct Adapter {
     pub parts: Vec<Part>,
     /// Name of the output that contains the action.
     pub action: String,
-    /// Values subtracted from the action; empty means none.
+    /// Values subtracted from the action; if the list is empty, nothing is subtracted.
     pub subtract: Vec<f32>,
     /// Names of the input and output of each recurrent state.
     pub states: Vec<(String, String)>,
@@ -26,9 +27,9 @@ pub struct Adapter {
 pub struct Part {
     /// Name of the input.
     pub input: String,
-    /// For each value of the input, the index of its source value in the observation. With `orientation`, the
-    /// indices of the three components of the direction of gravity. Empty for a constant input, whose values
-    /// are `add`.
+    /// For each value of the input, the index of its source in the observation. With `orientation`, the
+    /// indices of the three components of the direction of gravity. The list is empty for a constant input,
+    /// whose values are `add`.
     pub picks: Vec<usize>,
     /// Factors of the values; empty means 1.
     pub scale: Vec<f32>,
@@ -40,7 +41,7 @@ pub struct Part {
 }
 
 impl Part {
-    /// Creates a part for the input named `input`, without values.
+    /// Creates a part for the input named `input`. The part has no values yet.
     pub fn new(input: &str) -> Self {
         Self { input: input.to_owned(), ..Self::default() }
     }

@@ -181,10 +181,9 @@ pub(super) fn compile(
                 "" => None,
                 name => {
                     let value = values.get(name).cloned();
-                    Some(
-                        value
-                            .ok_or_else(|| node.error(format!("input \"{name}\" is not computed before")))?,
-                    )
+                    Some(value.ok_or_else(|| {
+                        node.error(format!("input \"{name}\" is not computed by a previous node"))
+                    })?)
                 }
             };
             node.inputs.push(value);

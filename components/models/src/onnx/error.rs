@@ -9,7 +9,7 @@ pub enum OnnxError {
     /// The model has no graph.
     #[error("the file has no graph; is it an ONNX model?")]
     Empty,
-    /// A constant is damaged or unsupported.
+    /// A constant tensor is damaged or unsupported.
     #[error("tensor \"{name}\": {message}")]
     Tensor {
         /// Name of the tensor.

@@ -7,8 +7,8 @@
 //! Operators: Add, BatchNormalization, Cast, Clip, Concat, Constant, Conv, Div, Elu, Expand, Flatten, GRU,
 //! Gather, Gemm, GlobalAveragePool, Hardmax, Identity, LSTM, LayerNormalization, LeakyRelu, MatMul, Max,
 //! MaxPool, Min, Mul, Neg, Pow, ReduceMean, Relu, Reshape, Shape, Sigmoid, Slice, Softmax, Softplus,
-//! Softsign, Split, Sqrt, Squeeze, Sub, Tanh, Transpose, Unsqueeze. Any other operator is an error that names
-//! the node. Source: the ONNX operator specification, operator sets 7 to 23.
+//! Softsign, Split, Sqrt, Squeeze, Sub, Tanh, Transpose, Unsqueeze. An operator that is not in this list is
+//! an error, which names the node. Source: the ONNX operator specification, operator sets 7 to 23.
 
 mod adapt;
 mod compile;

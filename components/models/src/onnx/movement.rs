@@ -69,7 +69,9 @@ impl Compiler {
             let other = node.input(index)?.shape();
             let differs = |k: usize| k != axis && other[k] != first[k];
             if other.len() != first.len() || (0..first.len()).any(differs) {
-                return Err(node.error(format!("shapes {first:?} and {other:?} differ off axis {axis}")));
+                return Err(
+                    node.error(format!("shapes {first:?} and {other:?} differ in axes other than {axis}"))
+                );
             }
             shape[axis] += other[axis];
         }
@@ -175,8 +177,10 @@ impl Compiler {
         };
         let total = lengths.iter().try_fold(0_usize, |sum, length| sum.checked_add(*length));
         if total != Some(shape[axis]) || lengths.len() != parts {
-            let message =
-                format!("parts {lengths:?} for {parts} outputs of an axis of length {}", shape[axis]);
+            let message = format!(
+                "parts of lengths {lengths:?} do not match {parts} outputs and an axis of length {}",
+                shape[axis]
+            );
             return Err(node.error(message));
         }
         let along = strides(&shape);
@@ -198,8 +202,9 @@ impl Compiler {
         let indices = node.whole(1)?;
         let indices: Result<Vec<usize>, OnnxError> =
             indices.iter().map(|index| node.axis(*index, shape[axis])).collect();
-        let indices = indices
-            .map_err(|_| node.error(format!("indices beyond the axis {axis} of length {}", shape[axis])))?;
+        let indices = indices.map_err(|_| {
+            node.error(format!("indices are beyond the end of axis {axis}, which has length {}", shape[axis]))
+        })?;
         let inner: usize = shape[axis + 1..].iter().product();
         let mut result = shape[..axis].to_vec();
         result.extend(&node.constant(1)?.shape);
@@ -292,7 +297,7 @@ impl Compiler {
             None => (0..rank).rev().collect::<Vec<_>>(),
         };
         if order.len() != rank || (0..rank).any(|axis| !order.contains(&axis)) {
-            return Err(node.error(format!("perm {order:?} of {rank} axes")));
+            return Err(node.error(format!("perm {order:?} does not list each of {rank} axes once")));
         }
         Ok(vec![self.permuted(node, &value, &order)?])
     }

@@ -35,7 +35,7 @@ impl Compiler {
         let offsets = super::tensor::offsets(&lengths, &along, 0);
         let part: usize = (0..shape.len()).filter(is_reduced).map(|axis| shape[axis]).product();
         if part == 0 {
-            return Err(node.error(format!("mean over no numbers of a tensor of shape {shape:?}")));
+            return Err(node.error(format!("a tensor of shape {shape:?} has no numbers for a mean")));
         }
         let parts = Parts {
             starts: (0..=offsets.len() / part).map(|k| (k * part) as u32).collect(),
@@ -95,7 +95,7 @@ impl Compiler {
             Along { outer, length: shape[axis], inner: behind }
         };
         if along.length * along.inner == 0 {
-            return Err(node.error(format!("an empty axis of a tensor of shape {shape:?}")));
+            return Err(node.error(format!("a tensor of shape {shape:?} has an empty axis")));
         }
         let operation = match &node.proto.op_type[..] {
             "Hardmax" => Operation::Hardmax(buffer, along),

@@ -51,7 +51,8 @@ impl Compiler {
             && products.shape == [directions, gates, hidden];
         if !fits {
             let message = format!(
-                "weights {:?} and {:?} of {directions} directions for an input {shape:?}",
+                "weights of shapes {:?} and {:?} do not match {directions} directions and an input of shape \
+                 {shape:?}",
                 weights.shape, products.shape
             );
             return Err(node.error(message));

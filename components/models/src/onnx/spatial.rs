@@ -25,7 +25,9 @@ impl Compiler {
             {
                 Ok(values.iter().map(|value| *value as usize).collect())
             }
-            Some(values) => Err(node.error(format!("{name} {values:?} for {rank} spatial axes"))),
+            Some(values) => {
+                Err(node.error(format!("{name} {values:?} are not valid for {rank} spatial axes")))
+            }
         };
         let (step, dilation) = (list("strides", 1, 1, rank)?, list("dilations", 1, 1, rank)?);
         let mut pads = list("pads", 0, 0, 2 * rank)?;
@@ -48,8 +50,11 @@ impl Compiler {
         let mut output = Vec::new();
         for axis in 0..rank {
             let span = (input[axis] + pads[axis] + pads[rank + axis]).checked_sub(reach[axis]);
-            let span =
-                span.ok_or_else(|| node.error(format!("a kernel {kernel:?} over an input {input:?}")))?;
+            let span = span.ok_or_else(|| {
+                node.error(format!(
+                    "a kernel of shape {kernel:?} is larger than an input of shape {input:?} with its padding"
+                ))
+            })?;
             let mut length = if ceil { span.div_ceil(step[axis]) } else { span / step[axis] } + 1;
             // a window must start within the input or its lower padding
             if ceil && (length - 1) * step[axis] >= input[axis] + pads[axis] {
@@ -93,7 +98,10 @@ impl Compiler {
             && weights.shape[1].checked_mul(groups) == Some(shape[1])
             && weights.shape.iter().chain(&shape).all(|length| *length > 0);
         if !fits {
-            let message = format!("weights {:?} in {groups} groups for an input {shape:?}", weights.shape);
+            let message = format!(
+                "weights of shape {:?} in {groups} groups do not match an input of shape {shape:?}",
+                weights.shape
+            );
             return Err(node.error(message));
         }
         let (outputs, channels, kernel) = (weights.shape[0], weights.shape[1], &weights.shape[2..]);
@@ -137,7 +145,8 @@ impl Compiler {
             || kernel.len() + 2 != shape.len()
             || kernel.iter().chain(&shape).any(|length| !(1..1 << 20).contains(length))
         {
-            return Err(node.error(format!("a kernel {kernel:?} over an input {shape:?}")));
+            return Err(node
+                .error(format!("a kernel of shape {kernel:?} does not match an input of shape {shape:?}")));
         }
         if node.proto.output.iter().skip(1).any(|name| !name.is_empty()) {
             return Err(node.error("the output of indices is not supported"));

@@ -208,14 +208,14 @@ pub struct GruLayer {
     pub hidden: usize,
     /// Weights of the inputs, 3 hidden x inputs, row by row, in the order update, reset, candidate.
     pub input_weights: Vec<f32>,
-    /// Weights of the state, 3 hidden x hidden, in the same order.
+    /// Weights of the state, 3 hidden x hidden, row by row, in the order update, reset, candidate.
     pub state_weights: Vec<f32>,
     /// Biases: 3 hidden for the inputs, then 3 hidden for the state.
     pub bias: Vec<f32>,
 }
 
-/// Returns the bytes of an ONNX file with a GRU followed by dense layers, one step per run. Inputs are `obs`
-/// (rows, inputs) and `h_in` (1, rows, hidden), outputs are `actions` and `h_out`.
+/// Returns the bytes of an ONNX file with a GRU followed by dense layers. Each run of the network computes
+/// one step. Inputs are `obs` (rows, inputs) and `h_in` (1, rows, hidden), outputs are `actions` and `h_out`.
 pub fn write_gru(
     gru: &GruLayer,
     layers: &[(Vec<f32>, Vec<f32>)],
@@ -226,8 +226,8 @@ pub fn write_gru(
 }
 
 /// Returns the bytes of an ONNX file with a GRU followed by a discrete choice: the output `actions` is the
-/// row of `table` with the largest output of the dense layers, the first row in a tie. Otherwise as
-/// [`write_gru`].
+/// row of `table` that corresponds to the largest output of the dense layers; the first row wins a tie. The
+/// inputs and the recurrent state are as for [`write_gru`].
 ///
 /// # Panics
 ///

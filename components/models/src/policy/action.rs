@@ -24,7 +24,8 @@ pub enum ActionKind {
 /// Mapping of a network's outputs to commands.
 ///
 /// The target of a joint is `default_pose + offset + scale clamp(output, clip)`; the default pose applies to
-/// positions only. A base twist has `twist` instead of joints, and outputs from -1 to 1.
+/// positions only. An action of the kind `base_twist` has the ranges `twist` instead of joints, and its
+/// outputs are from -1 to 1.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Action {
@@ -34,13 +35,13 @@ pub struct Action {
     /// Quantity that the action commands. Default: position.
     #[serde(default)]
     pub kind: ActionKind,
-    /// Factor of the action: one number for all joints, or one per joint. Default: 1.
+    /// Factor of the network's outputs: one number for all joints, or one per joint. Default: 1.
     #[serde(default = "one")]
     pub scale: Numbers,
-    /// Offset added after the factor, in addition to the default pose. Default: 0.
+    /// Offset that is added to the scaled output, in addition to the default pose. Default: 0.
     #[serde(default = "zero")]
     pub offset: Numbers,
-    /// Pose of a zero action \[rad or m\], in the order of `joints`.
+    /// Joint positions that an action of 0 commands \[rad or m\], in the order of `joints`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub default_pose: Vec<f64>,
     /// Minimum and maximum of the network's outputs before the factor. Default: unbounded.
@@ -68,7 +69,7 @@ impl Action {
         if self.twist.is_some() { Some(TwistRanges::BOUNDS) } else { self.clip }
     }
 
-    /// Checks counts and ranges. Keys in errors start with `prefix`.
+    /// Checks counts and ranges. Errors report keys that start with `prefix`.
     ///
     /// # Errors
     ///
@@ -91,8 +92,7 @@ impl Action {
                     ("kd", kd.is_some()),
                 ] {
                     if is_given {
-                        let message =
-                            "found a value, expected none for a base twist, whose ranges are in `twist`";
+                        let message = "found a value, expected no value, because `twist` has the ranges of a base twist";
                         return wrong(key, message.to_owned());
                     }
                 }
@@ -101,7 +101,7 @@ impl Action {
             (ActionKind::BaseTwist, None) => {
                 return wrong("twist", "missing, expected the ranges of a base twist".to_owned());
             }
-            (_, Some(_)) => return wrong("twist", "expected for `kind = \"base_twist\"` only".to_owned()),
+            (_, Some(_)) => return wrong("twist", "expected only for `kind = \"base_twist\"`".to_owned()),
             (_, None) => {}
         }
         if count == 0 {
@@ -133,7 +133,7 @@ impl Action {
         Ok(())
     }
 
-    /// Creates the mapping from actions to the joints of a robot, in the robot's order. Joints that the
+    /// Creates the mapping from actions to joint targets of a robot with the joints `robot`. Joints that the
     /// policy does not command are unaffected; a base twist commands no joints.
     ///
     /// # Errors

@@ -1,4 +1,4 @@
-//! Assembly of a network's input from measured quantities: bounds, factors, histories.
+//! Assembly of a network's input from measured quantities, with bounds, factors and histories.
 
 use super::{Observation, Policy};
 

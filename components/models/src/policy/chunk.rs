@@ -1,11 +1,11 @@
-//! Chunks of actions, played by time.
+//! Chunks of actions: plans of several consecutive actions, which are executed by time.
 //!
 //! A policy that plans ahead returns a chunk of consecutive actions, delayed by its inference time. When a
-//! chunk arrives, the previous plan remains active for [`frozen`](ChunkTiming::frozen). It then blends into
-//! the new chunk over [`blend`](ChunkTiming::blend); earlier actions of the new chunk are not used. After its
-//! last action, a chunk holds that action. Source: Black, Galliker and Levine, "Real-Time Execution of Action
-//! Chunking Flow Policies" (2025): the frozen prefix. A blend replaces the paper's in-painting, which needs
-//! the network.
+//! chunk arrives, the previous plan remains active for [`frozen`](ChunkTiming::frozen). The plan then blends
+//! into the new chunk over [`blend`](ChunkTiming::blend). Actions of the new chunk that are due before the
+//! blend are skipped. After the end of a chunk, its last action is held. Source: Black, Galliker and Levine,
+//! "Real-Time Execution of Action Chunking Flow Policies" (2025): the frozen prefix. Unlike the paper, which
+//! in-paints the rest of the chunk with the network, the plan blends actions.
 
 /// Number of points of the previous plan stored for the blend into a new chunk.
 const FADE_POINTS: usize = 64;
@@ -32,11 +32,11 @@ pub struct Chunk<'a> {
     pub sequence: u64,
     /// Number of values of an action.
     pub width: usize,
-    /// Values of all actions, one action after the other.
+    /// Values of all actions, action by action.
     pub values: &'a [f64],
 }
 
-/// Timing of an accepted chunk on arrival.
+/// Timing of an accepted chunk, relative to the time at which it arrived.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ChunkArrival {
     /// Number of actions in the chunk.
@@ -50,7 +50,7 @@ pub struct ChunkArrival {
 /// Error of a chunk that was not accepted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ChunkError {
-    /// The number of values per action differs from the policy's.
+    /// The number of values per action differs from the number of joints of the policy.
     #[error("each action has {found} numbers, expected {expected}, one for each joint")]
     Width {
         /// Number of values of an action.
@@ -89,7 +89,7 @@ pub enum ChunkError {
     /// The chunk has already been accepted.
     #[error("the chunk repeats the current chunk")]
     Repeated,
-    /// The chunk starts before the current chunk.
+    /// The chunk starts earlier than the current chunk.
     #[error("the chunk starts {by} ns before the current chunk")]
     OutOfOrder {
         /// Difference between the times of the first actions \[ns\].
@@ -204,8 +204,8 @@ impl ChunkPlan {
         (self.current.steps > 0).then(|| self.current.end())
     }
 
-    /// Accepts a chunk that arrives at the time `now` \[ns\], and blends into it. `target(joint, value)` must
-    /// convert a joint's value in an action to the target of the joint.
+    /// Accepts a chunk that arrives at the time `now` \[ns\], and blends into the new chunk.
+    /// `target(joint, value)` must convert a joint's value in an action to the target of the joint.
     ///
     /// # Errors
     ///

@@ -1,4 +1,4 @@
-//! A policy on disk, with its network.
+//! A policy on disk: the description in `policy.toml`, and the network.
 
 use std::path::{Path, PathBuf};
 
@@ -9,7 +9,7 @@ use crate::onnx::{Model, OnnxError};
 /// Name of the file that describes a policy.
 const FILE: &str = "policy.toml";
 
-/// A policy with the location of its files.
+/// A policy read from a folder, with the location of its files.
 #[derive(Clone, Debug)]
 pub struct PolicyFolder {
     /// Content of `policy.toml`.
@@ -57,7 +57,7 @@ pub enum PolicyFolderError {
 /// Difference between the inputs or outputs of a network and its policy.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum NetworkMismatch {
-    /// The network reads an observation of another size.
+    /// The number of values that the network reads differs from the size of the policy's observation.
     #[error(
         "the first input has the shape {found:?}, expected one row of {expected} numbers as in `observations`"
     )]
@@ -67,7 +67,7 @@ pub enum NetworkMismatch {
         /// Size of the observation.
         expected: usize,
     },
-    /// The network computes an action of another size.
+    /// The number of values that the network computes differs from the size of the policy's action.
     #[error(
         "the first output has the shape {found:?}, expected one row of {expected} numbers as in `action`"
     )]
@@ -79,7 +79,8 @@ pub enum NetworkMismatch {
     },
     /// The recurrent inputs do not match the recurrent outputs.
     #[error(
-        "the recurrent input \"{input}\" has no matching output; help: give the outputs after the action the order and the shapes of the inputs after the observation"
+        "the recurrent input \"{input}\" has no matching output; help: after the action, export one output \
+         for each recurrent input, in the same order and with the same shapes"
     )]
     State {
         /// Name of the recurrent input.
@@ -137,9 +138,9 @@ impl PolicyFolder {
     }
 }
 
-/// The compiled network of a policy. Its first input is the observation, and its first output is the action.
-/// Further inputs are recurrent states, in the order of the further outputs. Running the network does not
-/// allocate.
+/// The compiled network of a policy. The first input of the network is the observation, and the first output
+/// is the action. All further inputs are recurrent states, in the same order as the further outputs. Running
+/// the network does not allocate.
 #[derive(Clone, Debug)]
 pub struct PolicyNetwork {
     program: Program,
@@ -197,7 +198,7 @@ impl PolicyNetwork {
         }
     }
 
-    /// Returns the observation, to be written before [`run`](Self::run).
+    /// Returns the buffer of the observation, which must be written before [`run`](Self::run).
     pub fn observation_mut(&mut self) -> &mut [f32] {
         self.program.input_mut(0)
     }

@@ -66,7 +66,7 @@ pub struct Policy {
     pub network: String,
     /// Rate at which the policy was trained \[Hz\], more than 0.
     pub rate: f64,
-    /// Robot for which the policy was trained, as listed by `motorium robot list`.
+    /// Name of the robot for which the policy was trained. `motorium robot list` lists the names.
     pub robot: Option<String>,
     /// Initial values of each recurrent state at the start of an episode, in the order of the network's
     /// inputs after the observation. Default: zeros.
@@ -89,12 +89,13 @@ pub struct Policy {
 pub struct Observation {
     /// Quantity that is observed.
     pub term: Term,
-    /// Factor of the term's values: one number for all, or one per value. Default: 1.
+    /// Factor of the term's values: one number for all values, or one number per value. Default: 1.
     #[serde(default = "one")]
     pub scale: Numbers,
     /// Minimum and maximum of the values before the factor. Default: unbounded.
     pub clip: Option<[f64; 2]>,
-    /// Number of steps of history, the newest last, 1 to 64. Default: 1.
+    /// Number of consecutive steps whose values are observed, 1 to 64, from the oldest to the newest.
+    /// Default: 1.
     #[serde(default = "single")]
     pub history: usize,
     /// Number of rays. Only for a height scan.
@@ -108,8 +109,8 @@ pub struct Observation {
     pub camera: Option<String>,
     /// Columns and rows of an image, 1 to 1024 each. Only for images.
     pub pixels: Option<[usize; 2]>,
-    /// Depths that become 0 and 1 \[m\], from 0 up; only for a depth image. A surface outside the range
-    /// counts as one at its end, and a pixel without a depth as 1.
+    /// Depths that are observed as 0 and as 1 \[m\], at least 0; only for a depth image. Depths outside the
+    /// range are clamped to it, and a pixel without a depth is observed as 1.
     pub range: Option<[f64; 2]>,
 }
 
@@ -144,7 +145,7 @@ pub enum Term {
     BaseAngularVelocity,
     /// Direction of gravity in the frame of the base.
     ProjectedGravity,
-    /// Desired velocity: forwards and to the left \[m/s\], yaw rate \[rad/s\].
+    /// Desired motion of the base: forward velocity, velocity to the left \[m/s\] and yaw rate \[rad/s\].
     Command,
     /// Joint positions relative to the default pose \[rad or m\].
     JointPositions,
@@ -193,7 +194,7 @@ impl Term {
     }
 
     /// Returns the name of the message that contains the quantity; `None` for quantities computed by the
-    /// policy. The target of a point is in another message, `motorium.PoseTarget`.
+    /// policy. If the point of a term is the target, its position is in the message `motorium.PoseTarget`.
     pub fn message(self) -> Option<&'static str> {
         Some(match self {
             Self::BaseLinearVelocity => "motorium.BaseState",
@@ -271,7 +272,7 @@ impl Policy {
                 Some(1..) if is_scan => {}
                 None if !is_scan => {}
                 Some(_) if !is_scan => {
-                    return wrong(&key("rays"), "expected for a height scan only".to_owned());
+                    return wrong(&key("rays"), "expected only for a height scan".to_owned());
                 }
                 _ => {
                     return wrong(
@@ -284,7 +285,7 @@ impl Policy {
                 (Some(period), Term::Phase) if period > 0.0 && period.is_finite() => {}
                 (None, term) if term != Term::Phase => {}
                 (Some(_), term) if term != Term::Phase => {
-                    return wrong(&key("period"), "expected for the phase only".to_owned());
+                    return wrong(&key("period"), "expected only for the phase".to_owned());
                 }
                 (Some(period), _) => {
                     return wrong(&key("period"), format!("found {period}, expected a time above 0 s"));
@@ -307,7 +308,7 @@ impl Policy {
                 Some([_]) if is_point => {}
                 Some([first, second]) if is_point && first != second => {}
                 Some(_) if !is_point => {
-                    return wrong(&key("points"), "expected for points only".to_owned());
+                    return wrong(&key("points"), "expected only for points".to_owned());
                 }
                 found => {
                     let found = found.map_or_else(|| "none".to_owned(), |points| format!("{points:?}"));
@@ -349,7 +350,10 @@ impl Policy {
         }
         let is_same = |other: &Observation| other.term == *term && other.camera == *camera;
         if self.observations[..index].iter().any(is_same) {
-            return wrong("camera", "found an image of another term, expected each image once".to_owned());
+            return wrong(
+                "camera",
+                "found an image that another term has, expected each image once".to_owned(),
+            );
         }
         match pixels {
             None => return wrong("pixels", "missing, expected columns and rows of the image".to_owned()),
@@ -390,8 +394,8 @@ impl Policy {
         }
     }
 
-    /// Returns the number of the network's outputs: the outputs of the action, plus [`Pattern::OUTPUTS`] with
-    /// a pattern generator.
+    /// Returns the number of the network's outputs: the outputs of the action, plus [`Pattern::OUTPUTS`] if
+    /// the policy has a pattern generator.
     pub fn outputs(&self) -> usize {
         self.action.outputs() + self.pattern.as_ref().map_or(0, |_| Pattern::OUTPUTS)
     }
@@ -410,7 +414,7 @@ impl Policy {
         })
     }
 
-    /// Creates the mapping from actions to the joints of a robot, in the robot's order. Joints that the
+    /// Creates the mapping from actions to joint targets of a robot with the joints `robot`. Joints that the
     /// policy does not command are unaffected; a base twist commands no joints.
     ///
     /// # Errors

@@ -1,4 +1,4 @@
-//! Numbers of a policy: one for all elements, or one for each.
+//! Numbers in the description of a policy: one number for all elements, or one number for each element.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

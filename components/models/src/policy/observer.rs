@@ -6,7 +6,7 @@ use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
 use super::{Assembly, Policy, PolicyError, Term};
 
-/// Motion of the base of a robot in its own frame.
+/// Motion of the base of a robot, in the axes of the base.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct BaseMotion {
     /// Linear velocity \[m/s\].
@@ -17,8 +17,9 @@ pub struct BaseMotion {
     pub gravity: [f64; 3],
 }
 
-/// Returns the unit vector along gravity in the frame of a base with this orientation in the world (x y z w).
-/// The quaternion is normalised first. Returns `None` if its norm is below 0.5.
+/// Returns the unit vector along gravity in the frame of a base. `orientation` is the quaternion of the base
+/// in the world (x y z w), which is normalised first. Returns `None` if the norm of the quaternion is below
+/// 0.5.
 ///
 /// ```
 /// use motorium_models::policy::projected_gravity;
@@ -43,7 +44,7 @@ pub struct Measurements<'a> {
     pub velocities: &'a [f64],
     /// Motion of the base.
     pub base: BaseMotion,
-    /// Desired velocity: forwards and to the left \[m/s\], yaw rate \[rad/s\].
+    /// Desired motion of the base: forward velocity, velocity to the left \[m/s\] and yaw rate \[rad/s\].
     pub command: [f64; 3],
     /// Action of the previous step, within its bounds; zero at the start of an episode.
     pub last_action: &'a [f64],
@@ -51,8 +52,8 @@ pub struct Measurements<'a> {
     pub heights: &'a [f32],
     /// Position or velocity for each term with a point, in the order of the observations \[m or m/s\].
     pub points: &'a [[f64; 3]],
-    /// The pixels of each image, in the order of the observations: depths \[m\], 0 without a depth, or grey
-    /// levels, 0 to 255.
+    /// The pixels of each image, in the order of the observations. Pixels are depths \[m\], where 0 means no
+    /// depth, or grey levels, 0 to 255.
     pub images: &'a [f32],
     /// Time since the start of the episode \[s\].
     pub time: f64,
@@ -62,7 +63,7 @@ pub struct Measurements<'a> {
 /// Only [`new`](Self::new) allocates.
 ///
 /// The learning environments, `learner.task` and `policy.network` share this type, so a policy observes the
-/// same values in all of them.
+/// same values in training and on a robot.
 ///
 /// ```
 /// use motorium_models::policy::{Measurements, Observer, Policy};
@@ -159,9 +160,10 @@ impl Observer {
     ///
     /// # Panics
     ///
-    /// If measurements that a term reads have the wrong length: fewer joints than [`joints`](Self::joints),
-    /// another number of actions than the policy's, another number of heights than
-    /// [`heights`](Self::heights), another number of pixels than [`pixels`](Self::pixels), or too few points.
+    /// If measurements that a term reads have the wrong length. There must be at least
+    /// [`joints`](Self::joints) joints, exactly [`heights`](Self::heights) heights and
+    /// [`pixels`](Self::pixels) pixels, one value for each action of the policy, and one point for each term
+    /// with a point.
     pub fn observe(&mut self, measured: &Measurements<'_>) {
         let mut points = measured.points.iter();
         let mut images = measured.images;

@@ -1,12 +1,13 @@
-//! A pattern generator with parameters commanded by an action.
+//! Description of a pattern generator that the action of a policy commands.
 
 use serde::{Deserialize, Serialize};
 
 use super::{Action, ActionKind, PolicyError};
 
-/// A central pattern generator between the network and the drives. The action then commands the centre of
-/// each joint's oscillation. Two additional outputs command the frequency and the amplitude: the bounds
-/// `action.clip` of these outputs are mapped to the ends of the ranges `frequency` and `amplitude`.
+/// A central pattern generator between the network and the drives: joints oscillate in a gait, and the action
+/// commands the centre of each joint's oscillation. Two additional outputs command the frequency and the
+/// amplitude: the bounds `action.clip` of these outputs are mapped to the ends of the ranges `frequency` and
+/// `amplitude`.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Pattern {
@@ -19,8 +20,8 @@ pub struct Pattern {
     /// Rate at which joints converge to the gait \[1/s\], at least 0. Default: 5.
     #[serde(default = "five")]
     pub coupling: f64,
-    /// Oscillating joints of each leg, with the legs in the order of the gait. All must be joints of the
-    /// action.
+    /// Oscillating joints of each leg, with the legs in the order of the gait. All oscillating joints must be
+    /// joints of the action.
     pub legs: Vec<Vec<PatternJoint>>,
 }
 
@@ -59,7 +60,7 @@ impl Pattern {
         let wrong =
             |key: &str, message: String| Err(PolicyError::Value { key: format!("pattern.{key}"), message });
         if action.clip.is_none() {
-            let (key, message) = ("action.clip".to_owned(), "missing, expected for a pattern".to_owned());
+            let (key, message) = ("action.clip".to_owned(), "missing, but required for a pattern".to_owned());
             return Err(PolicyError::Value { key, message });
         }
         if action.kind != ActionKind::Position {

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-/// Digests of a robot, computed from its model and profile.
+/// Digests that identify a robot, computed from the robot's model and profile.
 ///
 /// ```
 /// use motorium_models::policy::{RobotDifference, RobotDigest};
@@ -18,8 +18,8 @@ pub struct RobotDigest {
     /// Digest of the policy's joints: names, kinds, axes and limits. Written as 16 hexadecimal digits.
     #[serde(serialize_with = "write", deserialize_with = "read")]
     pub joints: u64,
-    /// Digest of all other properties of the robot: links, masses, drives and gains. Written as 16
-    /// hexadecimal digits.
+    /// Digest of the properties of the robot that `joints` does not cover: links, masses, drives and gains.
+    /// Written as 16 hexadecimal digits.
     #[serde(serialize_with = "write", deserialize_with = "read")]
     pub dynamics: u64,
 }
@@ -27,14 +27,16 @@ pub struct RobotDigest {
 /// Difference between the robot of a policy and another robot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RobotDifference {
-    /// The commanded joints or their limits differ. Actions may move other joints, or move joints farther.
+    /// The commanded joints or their limits differ. The same actions may move different joints, or move
+    /// joints farther.
     Joints,
-    /// Other properties differ, such as masses or gains. The policy may move the robot differently.
+    /// Properties other than the commanded joints differ, such as masses or gains. The policy may move the
+    /// robot differently.
     Dynamics,
 }
 
 impl RobotDigest {
-    /// Returns the difference from another robot; `None` if both digests are equal.
+    /// Returns the difference from the robot with the digest `other`; `None` if both digests are equal.
     pub fn difference(&self, robot: &Self) -> Option<RobotDifference> {
         if self.joints != robot.joints {
             return Some(RobotDifference::Joints);

@@ -11,7 +11,7 @@ pub struct JointTarget {
     pub offset: f64,
 }
 
-/// Conversion of actions in the joint order of a policy to joint targets in the joint order of a robot.
+/// Conversion of a policy's actions to joint targets of a robot, whose joints may have a different order.
 #[derive(Clone, Debug, PartialEq)]
 pub struct JointTargets {
     targets: Vec<JointTarget>,
@@ -23,7 +23,7 @@ impl JointTargets {
         Self { targets, clip }
     }
 
-    /// Returns the conversion of each output, in the order of the policy.
+    /// Returns the conversion of each output, in the order of the network's outputs.
     pub fn targets(&self) -> &[JointTarget] {
         &self.targets
     }

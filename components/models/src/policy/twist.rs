@@ -6,8 +6,8 @@ use serde::{Deserialize, Serialize};
 use super::PolicyError;
 
 /// Ranges of a base twist, in the axes of the base. The network has one output for each given range, in the
-/// order of the fields. An output of -1 commands the lower end of the range, 1 the upper end. Velocities
-/// without a range are 0.
+/// order of the fields. An output of -1 commands the lower end of the range, and an output of 1 commands the
+/// upper end. Velocities without a range are 0.
 ///
 /// ```
 /// use motorium_models::policy::TwistRanges;
@@ -20,7 +20,7 @@ use super::PolicyError;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TwistRanges {
-    /// Range of the velocity forwards \[m/s\]. Default: not commanded.
+    /// Range of the forward velocity \[m/s\]. Default: not commanded.
     #[serde(default)]
     pub forward: Option<[f64; 2]>,
     /// Range of the velocity to the left \[m/s\], for a base with mecanum wheels or with pose joints.
@@ -36,7 +36,8 @@ impl TwistRanges {
     /// Bounds of the network's outputs for a base twist.
     pub const BOUNDS: [f64; 2] = [-1.0, 1.0];
 
-    /// Returns the ranges of the velocities forwards and to the left \[m/s\], and of the yaw rate \[rad/s\].
+    /// Returns the ranges of the forward velocity, the velocity to the left \[m/s\] and the yaw rate
+    /// \[rad/s\].
     pub fn axes(&self) -> [Option<[f64; 2]>; 3] {
         [self.forward, self.left, self.turn]
     }
@@ -46,7 +47,8 @@ impl TwistRanges {
         self.axes().iter().flatten().count()
     }
 
-    /// Returns the commanded velocities: forwards and to the left \[m/s\], yaw rate \[rad/s\].
+    /// Returns the commanded motion of the base: forward velocity, velocity to the left \[m/s\] and yaw rate
+    /// \[rad/s\].
     ///
     /// # Panics
     ///

@@ -88,7 +88,10 @@ fn a_robot_of_pure_noise_raises_a_warning() {
     // the order of the poses is unrelated to the human
     let noise: Vec<f64> = (0..180).map(|i| ((i * i * 7919) as f64 * 0.618_034).fract()).collect();
     let transferred = model.transfer(&data("noise", 3, &noise), 100).expect("a transfer");
-    assert!(transferred.warning.is_some_and(|text| text.contains("hardly predicts noise")), "a warning");
+    assert!(
+        transferred.warning.is_some_and(|text| text.contains("hardly predict the poses of noise")),
+        "a warning"
+    );
 }
 
 /// Returns the errors of the default model and of the direct process on held-out poses, each with its

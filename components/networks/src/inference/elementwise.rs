@@ -105,7 +105,7 @@ impl Unary {
 /// Layout of an operand of a binary function.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Operand {
-    /// One number for each output, in the same order.
+    /// One number for each output, in the order of the outputs.
     Aligned,
     /// The same number for all outputs.
     Single,

@@ -26,7 +26,7 @@ impl<T: Lanes> Program<T> {
     ///
     /// # Errors
     ///
-    /// [`LayerSizeError`] if a layer does not match the previous one.
+    /// [`LayerSizeError`] if a layer does not match the previous layer.
     pub fn mlp(
         rows: usize,
         inputs: usize,

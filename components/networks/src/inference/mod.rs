@@ -36,23 +36,23 @@ use crate::arithmetic::{Lanes, Real};
 /// Index of a buffer of a [`Program`].
 pub type Buffer = usize;
 
-/// Consecutive numbers copied from one buffer to another.
+/// A run of consecutive numbers that is copied from one buffer to another.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Run {
     /// Buffer from which the numbers are read.
     pub source: Buffer,
-    /// Index of the first number read.
+    /// Index of the first number that is read from `source`.
     pub from: usize,
-    /// Index of the first number written.
+    /// Index of the first number that is written.
     pub to: usize,
-    /// Count of numbers copied.
+    /// Count of numbers that are copied.
     pub length: usize,
 }
 
-/// Products of pairs of computed matrices, all of the same sizes.
+/// Sizes and positions of matrices to be multiplied in pairs. All pairs have the same sizes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Product {
-    /// Rows of the first matrix, columns of the first matrix, columns of the second matrix.
+    /// Number of rows of the first matrix, number of its columns, and number of columns of the second matrix.
     pub sizes: [usize; 3],
     /// For each product, the offsets of its two matrices in their buffers.
     pub offsets: Vec<[usize; 2]>,
@@ -78,7 +78,7 @@ pub enum Operation<T = f32> {
     Copy(Vec<Run>),
     /// Applies a linear map to each row of a buffer.
     Linear(Buffer, Packed<T>),
-    /// Multiplies pairs of computed matrices.
+    /// Multiplies pairs of matrices from two buffers.
     Product([Buffer; 2], Product),
     /// Applies a function to each number.
     Unary(Buffer, Unary),
@@ -112,7 +112,7 @@ pub struct Port {
     pub buffer: Buffer,
 }
 
-/// A network ready to run, in single precision unless another scalar type is chosen.
+/// A network ready to run, with numbers of type `T`, by default `f32`.
 #[derive(Clone, Debug, Default)]
 pub struct Program<T = f32> {
     buffers: Vec<Vec<T>>,
@@ -139,8 +139,8 @@ impl<T: Lanes> Program<T> {
         self.operations.len()
     }
 
-    /// Returns the values of an input, the last axis varying fastest, to be written before
-    /// [`run`](Self::run).
+    /// Returns the buffer of an input, which must be written before [`run`](Self::run). The last axis varies
+    /// fastest.
     ///
     /// # Panics
     ///
@@ -149,7 +149,7 @@ impl<T: Lanes> Program<T> {
         &mut self.buffers[self.inputs[index].buffer]
     }
 
-    /// Returns the values of an output after the last run, the last axis varying fastest.
+    /// Returns the values of an output after the last run. The last axis varies fastest.
     ///
     /// # Panics
     ///
@@ -187,7 +187,7 @@ impl<T: Lanes> Program<T> {
         }
     }
 
-    /// Computes the outputs from the inputs. Does not allocate.
+    /// Computes the outputs of the network from its inputs. Does not allocate.
     pub fn run(&mut self) {
         let Self { buffers, operations, arch, .. } = self;
         for (target, operation) in operations {
@@ -208,13 +208,14 @@ impl<T: Lanes> Program<T> {
         self.buffers.len() - 1
     }
 
-    /// Adds an operation that writes to an existing buffer. The buffers that the operation reads must have
-    /// the lengths of its inputs.
+    /// Adds an operation that writes to an existing buffer. Each buffer that the operation reads must have
+    /// the length that the operation expects.
     pub fn push_into(&mut self, operation: Operation<T>, buffer: Buffer) {
         self.operations.push((buffer, operation));
     }
 
-    /// Adds an operation with an output of `length` numbers, and returns the buffer of the output.
+    /// Adds an operation and a new buffer for its output of `length` numbers. Returns the index of this
+    /// buffer.
     pub fn push(&mut self, operation: Operation<T>, length: usize) -> Buffer {
         let buffer = self.buffer(length);
         self.push_into(operation, buffer);

@@ -1,4 +1,4 @@
-//! A matrix packed for products with rows of inputs.
+//! Matrices packed for fast products with rows of inputs.
 
 use std::sync::Arc;
 
@@ -13,9 +13,9 @@ const NARROWEST: usize = 16;
 
 /// Weights and biases of a linear map, stored in panels of outputs for vector instructions.
 ///
-/// Each output is its bias plus the products in the order of the inputs, each rounded once (fused
-/// multiply-add). The lanes of a vector hold different outputs, so results are bitwise independent of the
-/// number of rows and of the processor. Clones share the numbers.
+/// An output is the bias plus the products with the inputs, added in the order of the inputs. Each addition
+/// is a fused multiply-add, which rounds once. The lanes of a vector hold different outputs, so results are
+/// bitwise independent of the number of rows and of the processor. Clones share the weights and biases.
 #[derive(Clone, Debug)]
 pub struct Packed<T = f32> {
     inputs: usize,

@@ -63,7 +63,7 @@ pub struct Direction<T = f32> {
 }
 
 impl<T: Lanes> Direction<T> {
-    /// Creates a direction that runs from the first step to the last, or in reverse.
+    /// Creates a direction that runs forward, from the first step to the last step, or in reverse.
     pub fn new(gates: Gates<T>, reversed: bool, sequence: Sequence) -> Self {
         let (rows, state) = (sequence.steps * sequence.batch, sequence.batch * sequence.hidden);
         let count = if matches!(gates, Gates::Lstm { .. }) { 4 } else { 3 };
@@ -80,7 +80,7 @@ impl<T: Lanes> Direction<T> {
 
     /// Runs over an input sequence (steps, batch, inputs). `initial` contains the initial state and the
     /// initial cell state (batch, hidden); `None` starts from 0. Calls `record` with the index of each step
-    /// and the state after it.
+    /// and the state after that step.
     pub fn run(
         &mut self,
         (arch, sequence): (Arch, Sequence),

@@ -1,4 +1,4 @@
-//! Sums, means and maxima over parts of a tensor, and operations based on them.
+//! Means and maxima over parts of a tensor, softmax, and normalisation.
 
 use pulp::{Arch, Simd, WithSimd};
 
@@ -95,7 +95,7 @@ impl<T: Real> WithSimd for Softmax<'_, T> {
 }
 
 impl Along {
-    /// Writes 1 at the first maximum along the axis and 0 elsewhere.
+    /// Writes 1 at the first maximum along the axis and 0 at all other places.
     pub fn hardmax<T: Real>(self, input: &[T], output: &mut [T]) {
         let Self { length, inner, .. } = self;
         output.fill(T::default());
@@ -122,7 +122,7 @@ pub struct LayerNorm<T = f32> {
 }
 
 impl<T: Real> LayerNorm<T> {
-    /// Normalises each row.
+    /// Normalises, scales and shifts each row.
     pub fn apply(&self, arch: Arch, input: &[T], output: &mut [T]) {
         arch.dispatch(Normalise { norm: self, input, output });
     }

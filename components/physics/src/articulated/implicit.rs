@@ -1,4 +1,5 @@
-//! The end velocity of an integration step. Drives, friction, stops and external impulses all depend on it.
+//! Computation of the velocity at the end of an integration step, on which drives, friction, stops and
+//! external impulses depend.
 
 use motorium_robots::{MassFactor, Model};
 use nalgebra::DMatrix;

@@ -24,8 +24,8 @@ use crate::{Integrator, JointSetpoint};
 ///
 /// with the drive law `tau` of [`JointSetpoint`] without its acceleration limit, viscous damping `D`, Coulomb
 /// friction that can stick, and inelastic limit stops. During the step, a floating base translates along a
-/// straight line and rotates about a fixed axis. Its velocity is expressed in axes that do not rotate during
-/// the step, so rotation alone does not change it.
+/// straight line and rotates about a fixed axis. The velocity of the base is expressed in axes that do not
+/// rotate during the step, so rotation alone does not change it.
 ///
 /// Each term is a monotone function of its own `v+_i`, and `M` is positive definite. The problem is therefore
 /// strictly convex and has a unique solution for any gains. An active set finds the solution. A joint's drive
@@ -33,11 +33,11 @@ use crate::{Integrator, JointSetpoint};
 /// system of the current modes is solved repeatedly until its solution confirms the modes. The initial guess
 /// is the modes of the last step, which are nearly always correct.
 ///
-/// The drive law is evaluated at the end of the step, which adds damping: a drive with Kp and Kd behaves like
-/// one with Kd + h Kp. A drive without damping therefore comes to rest.
+/// The drive law is evaluated at the end of the step, which adds damping: a drive with the gains Kp and Kd
+/// behaves like a drive with the damping gain Kd + h Kp. A drive without damping therefore comes to rest.
 ///
-/// [`Integrator::Midpoint`] is of second order. It evaluates the inertia and the bias at the midpoint of the
-/// step. The bias uses the mean of the velocities before and after the step:
+/// [`Integrator::Midpoint`] is of second order. This method evaluates the inertia and the bias at the
+/// midpoint of the step. The bias uses the mean of the velocities before and after the step:
 ///
 /// ```text
 /// q_m = q + h/2 v
@@ -91,7 +91,7 @@ pub struct JointSpaceIntegrator {
 }
 
 impl JointSpaceIntegrator {
-    /// Creates an integrator for `model` with the passive properties `joints`, one per independent joint.
+    /// Creates an integrator for `model`. `joints` contains the passive properties of each independent joint.
     pub fn new(model: &Model, joints: Vec<JointProperties>) -> Self {
         assert_eq!(joints.len(), model.joint_count(), "one set of properties per independent joint");
         let n = model.nv();

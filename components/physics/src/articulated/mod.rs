@@ -74,8 +74,8 @@ pub type ArticulatedSimulator = Simulation<Articulated>;
 /// with contact impulses `lambda` that prevent penetration, and friction in Coulomb's cone.
 /// [`JointSpaceIntegrator`] documents the other terms. Several articulations and the free objects of the
 /// world are part of the same problem; groups without contacts between them are solved separately. The method
-/// is semi-implicit Euler, of first order in h. Robots and objects that touch nothing may use the [midpoint
-/// rule](crate::Integrator::Midpoint) instead.
+/// is semi-implicit Euler, of first order in h. Robots and objects without contacts may use the [midpoint
+/// rule](crate::Integrator::Midpoint) instead of Euler's method.
 ///
 /// Contacts are found at points: spheres, the ends of capsules, the corners of boxes, the rims of cylinders
 /// and the outermost points of meshes, each against the surface of the other collider. If these points miss a
@@ -83,11 +83,11 @@ pub type ArticulatedSimulator = Simulation<Articulated>;
 /// the corners of the patch that their faces share, or where two edges cross.
 ///
 /// Torques against spinning about a contact normal and against rolling about its tangents are part of the
-/// same problem. Each is bounded by its coefficient times the normal force. A conveyor surface drags along
-/// objects that touch it. The air drag on free objects is evaluated at the end of the step.
+/// same problem. Each of these torques is bounded by a coefficient times the normal force. A conveyor surface
+/// drags along objects that touch it. The air drag on free objects is evaluated at the end of the step.
 ///
-/// Objects that have been still for half a second fall asleep together with everything they touch. They wake
-/// when something reaches them.
+/// Objects that have been still for half a second fall asleep together with everything they touch. Sleeping
+/// objects wake when something reaches them.
 ///
 /// In the air, the linear and angular momentum of a floating robot is conserved up to rounding: after each
 /// integration step the velocity of the base is corrected by the momentum lost in the integration.
@@ -367,8 +367,8 @@ impl Articulated {
 
 impl Simulation<Articulated> {
     /// Moves the floating base of each robot vertically until the robot stands on the ground plane or the
-    /// terrain, and stops the robot. In a world with neither, the robot stands on the plane z = 0. A robot
-    /// without collision shapes is not moved.
+    /// terrain, and stops the robot. In a world without ground and terrain, the robot stands on the plane
+    /// `z = 0`. A robot without collision shapes is not moved.
     pub fn place_on_ground(&mut self) {
         (0..self.engine.parts.len()).for_each(|of| self.place_one_on_ground(of));
     }

@@ -79,12 +79,12 @@ struct Block<'a, E, W> {
 }
 
 impl<E: Engine + Send> Batch<E> {
-    /// Builds `count` worlds and starts `threads` - 1 threads; the caller's thread is the remaining one.
-    /// `build` receives the index of each world. All robots must have the same number of joints.
+    /// Builds `count` worlds and starts `threads` - 1 threads; the calling thread also steps worlds. `build`
+    /// receives the index of each world. All robots must have the same number of joints.
     ///
     /// # Errors
     ///
-    /// The first error that `build` returns.
+    /// Returns the first error of `build`.
     ///
     /// # Panics
     ///
@@ -121,8 +121,8 @@ impl<E: Engine + Send> Batch<E> {
 }
 
 impl<E: Engine + Send, W: Send> Batch<E, W> {
-    /// Replaces the user data of all worlds with the values that `make` returns for the index of each. Such
-    /// data may be a history of observations, random numbers or a reward.
+    /// Replaces the user data of all worlds with the values that `make` returns for the index of each world.
+    /// Such data may be a history of observations, random numbers or a reward.
     #[must_use]
     pub fn with_data<T: Send>(self, make: impl FnMut(usize) -> T) -> Batch<E, T> {
         let data = (0..self.worlds.len()).map(make).collect();
@@ -182,7 +182,7 @@ impl<E: Engine + Send, W: Send> Batch<E, W> {
         self.worlds.len()
     }
 
-    /// Returns the number of threads that visit the worlds, including the caller's.
+    /// Returns the number of threads that visit the worlds, including the calling thread.
     pub fn threads(&self) -> usize {
         self.workers.threads()
     }
@@ -197,12 +197,12 @@ impl<E: Engine + Send, W: Send> Batch<E, W> {
         self.workers.run(work);
     }
 
-    /// Returns a world, to read its objects and contacts.
+    /// Returns the simulation of a world, for example to read its objects and contacts.
     pub fn world(&self, index: usize) -> &Simulation<E> {
         &self.worlds[index]
     }
 
-    /// Returns the user data of all worlds, in order.
+    /// Returns the user data of all worlds, in the order of the worlds.
     pub fn data(&self) -> &[W] {
         &self.data
     }
@@ -212,18 +212,18 @@ impl<E: Engine + Send, W: Send> Batch<E, W> {
         &mut self.data
     }
 
-    /// Returns the commands of all drives of all worlds for modification, one world after the other. Commands
-    /// persist until changed.
+    /// Returns the commands of all drives of all worlds for modification, world by world. Commands persist
+    /// until changed.
     pub fn commands_mut(&mut self) -> &mut [JointSetpoint] {
         &mut self.commands
     }
 
-    /// Returns the configurations of all worlds (nq each), one after the other.
+    /// Returns the configurations of all worlds, world by world, each with nq numbers.
     pub fn all_positions(&self) -> &[f64] {
         &self.positions
     }
 
-    /// Returns the velocities of all worlds (nv each), one after the other.
+    /// Returns the velocities of all worlds, world by world, each with nv numbers.
     pub fn all_velocities(&self) -> &[f64] {
         &self.velocities
     }
@@ -238,7 +238,7 @@ impl<E: Engine + Send, W: Send> Batch<E, W> {
         &self.velocities[world * self.nv..][..self.nv]
     }
 
-    /// Returns the [observations](Self::observing) of all worlds, one after the other; empty if nothing is
+    /// Returns the [observations](Self::observing) of all worlds, world by world; empty if nothing is
     /// observed.
     pub fn observations(&self) -> &[f64] {
         &self.observations
@@ -344,7 +344,7 @@ impl<E: Engine + Send, W: Send> Batch<E, W> {
     ///
     /// # Errors
     ///
-    /// [`ResetError`]; nothing is changed then.
+    /// [`ResetError`] if the state is invalid. The world is then unchanged.
     pub fn reset(&mut self, world: usize, q: &[f64], v: &[f64]) -> Result<(), ResetError> {
         self.worlds[world].reset(q, v)?;
         self.commands[world * self.drives..][..self.drives].fill(JointSetpoint::default());
@@ -352,12 +352,12 @@ impl<E: Engine + Send, W: Send> Batch<E, W> {
         Ok(())
     }
 
-    /// Like [`reset`](Self::reset), but also gives the world other physical `properties`. They persist until
+    /// Resets one world like [`reset`](Self::reset), but with new physical `properties`, which persist until
     /// the next call of this method.
     ///
     /// # Errors
     ///
-    /// [`ResetError`]; nothing is changed then.
+    /// [`ResetError`] if the state is invalid. The world is then unchanged.
     pub fn reset_with(
         &mut self,
         world: usize,

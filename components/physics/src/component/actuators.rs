@@ -8,7 +8,7 @@ use motorium::units::TimeSpan;
 use motorium_robots::{ActuatorSettings, ActuatorTable, Model};
 
 /// Model of an actuator: the stages between the effort that a drive requests and the effort that acts on the
-/// joint. It is an [`ActuatorTable`] whose times are written as in a graph file.
+/// joint. This type is an [`ActuatorTable`] whose times are written as in a graph file.
 pub type ActuatorConfig = ActuatorTable<TimeSpan>;
 
 /// Returns the actuators of a model's joints: `of_all`, overridden by the settings of single joints. Empty if

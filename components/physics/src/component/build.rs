@@ -64,7 +64,7 @@ pub(super) fn build<E: PhysicsEngine>(
     let doubts = located.iter().map(|warning| format!("world: {warning}")).collect();
     let built = match (robot, robots) {
         (Some(robot), _) => one(&config, (robot, follows[0]), folder),
-        (None, []) => Err(ConfigError::new("the component names no robot, but it simulates one")
+        (None, []) => Err(ConfigError::new("the component simulates a robot, but names no robot")
             .advise("add `robot = \"NAME\"`, or `robots = [\"ONE\", \"OTHER\"]`")),
         (None, robots) => several(&config, (robots, follows), folder),
     };
@@ -77,8 +77,9 @@ fn one<E: PhysicsEngine>(
     folder: &Path,
 ) -> Result<Built<E>, ConfigError> {
     if let Some(name) = config.start.keys().next() {
-        let message =
-            format!("`start.{name}` applies to components with several robots, but this one has one");
+        let message = format!(
+            "`start.{name}` applies to components with several robots, but this component has one robot"
+        );
         return Err(ConfigError::key("start", message).advise("use `pose` or `position`"));
     }
     let (mut setup, loaded) = load(config, robot)?;
@@ -109,8 +110,10 @@ fn several<E: PhysicsEngine>(
     folder: &Path,
 ) -> Result<Built<E>, ConfigError> {
     if config.position.is_some() || config.base.is_some() {
-        return Err(ConfigError::new("`position` and `base` apply to one robot, but there are several")
-            .advise("write `start.NAME.position`, and `base` in `[robot.NAME]`"));
+        return Err(ConfigError::new(
+            "`position` and `base` apply to a single robot, but the component has several robots",
+        )
+        .advise("write `start.NAME.position`, and `base` in `[robot.NAME]`"));
     }
     if let Some(name) = config.start.keys().find(|name| robots.iter().all(|robot| robot.name != **name)) {
         let message = format!("`{name}` is not one of the robots of this component");

@@ -24,18 +24,18 @@ use crate::{BuildError, Connection, Options, RobotSetup, Simulator, World};
 #[derive(Clone, Debug, Default, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct PhysicsConfig {
-    /// Named initial pose, from the robot's profile or its SRDF. Default without `position`: the home pose.
-    /// In a robot without a profile, each joint starts at zero, or at the middle of its range if the range
-    /// excludes zero.
+    /// Name of the initial pose, which is defined in the robot's profile or in its SRDF. Default without
+    /// `position`: the home pose. In a robot without a profile, each joint starts at zero, or at the middle
+    /// of its range if the range excludes zero.
     pub pose: Option<String>,
-    /// Initial joint positions, rad or m: one number for all joints, or one per joint in order. Excludes
-    /// `pose`.
+    /// Initial joint positions, rad or m: one number for all joints, or one number per joint in the order of
+    /// the joints. Excludes `pose`.
     pub position: Option<PerJoint>,
     /// `true` if the root link moves freely, `false` if it is fixed to the world. Default: according to the
     /// robot's profile and file. `physics.rapier` supports fixed bases only.
     pub floating: Option<bool>,
-    /// Initial pose of a floating base. Default: its position in the pose of the profile, or standing on the
-    /// ground.
+    /// Initial pose of a floating base. Default: the position of the base in the profile's pose; if the
+    /// profile has no such position, the robot stands on the ground.
     pub base: Option<BaseStart>,
     /// Initial states of several robots, by robot name. Default: `pose`, or the home pose of each robot.
     pub start: BTreeMap<String, RobotStart>,
@@ -45,24 +45,26 @@ pub struct PhysicsConfig {
     pub pushes: Vec<PushConfig>,
     /// Actuator model of all joints, only in `physics.articulated`. Default: ideal actuators.
     pub actuator: Option<ActuatorConfig>,
-    /// Actuator models of single joints by joint name, replacing `actuator`. With several robots a name is
-    /// `ROBOT/JOINT`.
+    /// Actuator models of single joints by joint name, which replace `actuator`. With several robots, the
+    /// name of a joint is `ROBOT/JOINT`.
     pub actuators: BTreeMap<String, ActuatorConfig>,
-    /// Connections between links and objects in addition to the joints of the robots. They can close
-    /// kinematic loops and hold the relative poses at the start. With several robots a link is `ROBOT/LINK`.
+    /// Connections between links and objects in addition to the joints of the robots. Connections can close
+    /// kinematic loops. They hold the relative poses that the parts have at the start. With several robots,
+    /// the name of a link is `ROBOT/LINK`.
     pub connections: Vec<Connection>,
-    /// Springs in joints by joint name, replacing the springs of an MJCF file. With several robots a name is
-    /// `ROBOT/JOINT`.
+    /// Springs in joints by joint name, which replace the springs of an MJCF file. With several robots, the
+    /// name of a joint is `ROBOT/JOINT`.
     pub springs: BTreeMap<String, SpringConfig>,
-    /// Surfaces of single links by link name, replacing the surfaces of `solver` and of the profile. With
-    /// several robots a name is `ROBOT/LINK`.
+    /// Surfaces of single links by link name, which replace the surfaces that `solver` and the profile
+    /// define. With several robots, the name of a link is `ROBOT/LINK`.
     pub surfaces: BTreeMap<String, SurfaceConfig>,
     /// Ranges of physical properties, sampled at the start of every episode. Default: nothing is sampled.
     pub randomise: RandomiseConfig,
     /// Settings of the engine.
     pub solver: Options,
     /// `true` if the commands come from drives that another component simulates, such as `can.drive_sim`.
-    /// They are applied unchecked, because that component's actuator checks them. Default false.
+    /// Physics applies these commands unchecked, because the actuator of the other component checks them.
+    /// Default false.
     pub plant: bool,
     /// Age beyond which a state of `follow` or `follow_base` is stale. The robot then holds its last pose
     /// with zero velocity. Default 20 ms.
@@ -73,14 +75,15 @@ pub struct PhysicsConfig {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SurfaceConfig {
-    /// Coefficient of friction, from 0. A surface with 0 is frictionless against every surface without a
-    /// `friction_combine`.
+    /// Coefficient of friction, from 0. A surface with friction 0 is frictionless against every surface
+    /// without a `friction_combine`.
     #[schemars(range(min = 0.0))]
     pub friction: Option<f64>,
     /// Rule by which the friction coefficients of two surfaces combine. Default: the mean if the friction is
     /// above 0, otherwise the product.
     pub friction_combine: Option<FrictionCombine>,
-    /// Fraction of the approach speed kept after an impact, 0 to 1. A contact uses the mean of both surfaces.
+    /// Fraction of the approach speed kept after an impact, 0 to 1. A contact uses the mean value of both
+    /// surfaces.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub restitution: Option<f64>,
     /// Softness: contact points yield like a spring and a damper. Default: the surface is rigid.

@@ -1,8 +1,8 @@
 //! Merges contact points into fewer message entries when a message has no room for all of them.
 //!
 //! Points on the same link share entries: the first points keep separate entries, and the others become two
-//! forces with the same sum and moment. A sensor that sums forces or wrenches reads the same values as with
-//! one entry per point.
+//! forces with the same sum and moment. A sensor that sums forces or wrenches therefore reads the same values
+//! as without merging.
 
 use nalgebra::{Point3, Vector3};
 

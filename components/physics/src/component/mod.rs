@@ -49,8 +49,8 @@ pub type MujocoPhysics = PhysicsComponent<Mujoco>;
 /// robot whose `follow` or `follow_base` is wired is moved along these states instead of by commands.
 ///
 /// Every step passes the newest command through the [`CommandGate`], advances the simulation by the time
-/// since the last step, and publishes the resulting state. After skipped steps the simulation catches up on
-/// at most four of them, so that the robot does not freeze while its clock advances.
+/// since the previous step, and publishes the resulting state. After skipped steps, the simulation performs
+/// up to four of the skipped steps, so that the robot does not freeze while the clock advances.
 ///
 /// After a crash the robot continues from its last published state, and the objects return to their start
 /// states.
@@ -252,7 +252,7 @@ impl Totals {
     }
 }
 
-/// Returns the component kinds of this crate, for a program that hosts them.
+/// Returns the component kinds of this crate, which a host program registers.
 ///
 /// ```
 /// let names: Vec<_> = motorium_physics::kinds().iter().map(|kind| kind.name).collect();

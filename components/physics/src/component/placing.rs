@@ -1,4 +1,5 @@
-//! Loading and placement of several robots of one component, and the shared articulation of the fixed ones.
+//! Loading and placement of several robots of one component, and the shared articulation of robots with fixed
+//! bases.
 
 use std::collections::BTreeMap;
 
@@ -32,9 +33,8 @@ pub(super) fn load(
     let drives = model.joint_count() + setup.rotors.len();
     if drives > MAX_JOINTS || (drives == 0 && !model.base().floating) {
         let message = format!("robot `{}` has {drives} joints, expected 1 to {MAX_JOINTS}", robot.name);
-        return Err(
-            ConfigError::new(message).advise("in its URDF, change joints that need not move to `fixed`")
-        );
+        return Err(ConfigError::new(message)
+            .advise("in the robot's URDF, change joints that need not move to `fixed`"));
     }
     Ok((setup, loaded))
 }

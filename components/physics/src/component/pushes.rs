@@ -24,7 +24,7 @@ pub struct PushConfig {
     pub at: TimeSpan,
     /// Duration of the push.
     pub duration: TimeSpan,
-    /// Pushed link; with several robots `ROBOT/LINK`. Default: the base link of the first robot.
+    /// Name of the pushed link; with several robots, `ROBOT/LINK`. Default: the base link of the first robot.
     #[serde(default)]
     pub link: Option<String>,
     /// Point of application, in link axes, m. Default: the origin of the link.

@@ -1,5 +1,5 @@
-//! True values for sensors in addition to the joints: contact points on the robot, and poses of the objects
-//! of the world.
+//! True values for sensors, in addition to joint states: contact points on the robot, and poses of the
+//! world's objects.
 
 use motorium::component::{ConfigureError, Setup};
 use motorium::declare::{Declare, StepError};

@@ -1,4 +1,4 @@
-//! Bounds on the travel and speed of colliders. They extend a lower bound of the distance between two
+//! Bounds on the travel and speed of colliders. These bounds extend a lower bound of the distance between two
 //! colliders from step to step.
 
 use motorium_robots::{Collisions, Kinematics, Twist};

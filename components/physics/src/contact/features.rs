@@ -1,4 +1,4 @@
-//! Surfaces of convex shapes, and the points of a shape that touch others first.
+//! Surfaces of convex shapes, and the points of a shape that touch other shapes first.
 
 use motorium_robots::ConvexShape;
 use nalgebra::{Unit, Vector3};

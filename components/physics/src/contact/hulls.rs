@@ -1,4 +1,4 @@
-//! Faces of convex colliders, in contact with points and edges of others.
+//! Faces of convex colliders, in contact with points and edges of other colliders.
 
 use motorium_robots::ConvexShape;
 use nalgebra::Vector3;

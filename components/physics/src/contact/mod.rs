@@ -1,12 +1,13 @@
 //! Contact of a robot and of free objects with the ground, fixed objects and each other.
 //!
 //! [Colliders](colliders) are the solids of the [collision model](motorium_robots::CollisionModel) with their
-//! surface properties. [Features](features) are the points of a shape that touch others first.
+//! surface properties. [Features](features) are the points of a shape that touch other shapes first.
 //! [Detection](detect) finds where features come near another surface ([pair by pair](narrow)), the
-//! [triangles of a mesh](surfaces) or the [terrain](terrain). It inspects only [near pairs](near_pairs) whose
-//! [bounds](bounds) do not rule out contact, and nothing if the motion of the [joints](calm) alone rules out
-//! contact. [Impulses](impulses) sets up the problem of the impulses at these points, so that surfaces do not
-//! overlap and friction stays in its [cone](cone). A [scene] owns all of these.
+//! [triangles of a mesh](surfaces) or the [terrain](terrain). Detection inspects only [near
+//! pairs](near_pairs) whose [bounds](bounds) do not rule out contact. If the motion of the [joints](calm)
+//! rules out all contacts, no pair is inspected. [Impulses](impulses) sets up the problem of the impulses at
+//! these points, so that surfaces do not overlap and friction stays in its [cone](cone). A [scene] owns all
+//! of these.
 
 mod answer;
 mod axes;

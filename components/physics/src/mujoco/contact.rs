@@ -1,8 +1,8 @@
 //! The contact points of a step, and the law of MuJoCo's contacts for surfaces with restitution.
 //!
-//! A MuJoCo contact is a spring with a damper that never pulls. A body that hits it with speed v leaves with
-//! e v, where e depends only on the damping ratio. The closed form describes a linear spring and damper until
-//! its force reaches zero.
+//! A MuJoCo contact is a spring with a damper that never pulls. A body that hits the contact with the speed v
+//! leaves with the speed e v, where e depends only on the damping ratio. The closed form describes a linear
+//! spring and damper until its force reaches zero.
 
 use nalgebra::{Point3, Vector3};
 

@@ -1,5 +1,5 @@
 //! Memory layout of the used parts of MuJoCo 3.17.0's structures: offsets in bytes on systems with 64-bit
-//! pointers. A test compares them with the headers that ship with the library.
+//! pointers. A test compares these offsets with the headers that ship with the library.
 
 /// Version with this layout, as returned by `mj_version`.
 pub(super) const VERSION: core::ffi::c_int = 3_017_000;

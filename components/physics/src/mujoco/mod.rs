@@ -1,9 +1,9 @@
 //! The MuJoCo engine: DeepMind's MuJoCo library, loaded at run time.
 //!
-//! The library comes with the Python package `mujoco`. It is not needed to build motorium, and programs that
-//! do not use this engine do not load it. It is [found and checked](library) once per process; the
-//! [layout](layout) of its structures applies to one version. [MJCF](mjcf) is written from motorium's model
-//! and world and [compiled](compile), [native] holds the result, and [step] advances it.
+//! The library comes with the Python package `mujoco`. The library is not needed to build motorium, and
+//! programs that do not use this engine do not load it. The library is [found and checked](library) once per
+//! process; the [layout](layout) of its structures applies to one version. [MJCF](mjcf) is written from
+//! motorium's model and world and [compiled](compile), [native] holds the result, and [step] advances it.
 
 mod compile;
 mod contact;
@@ -55,15 +55,17 @@ pub type MujocoSimulator = Simulation<Mujoco>;
 
 /// The MuJoCo engine, based on the library of MuJoCo 3.17.0.
 ///
-/// MuJoCo is searched for where `pip install mujoco==3.17.0` installs it. These places are the Python of
-/// `MOTORIUM_PYTHON`, of `VIRTUAL_ENV`, of every folder of `PATH` and of `~/.local`, and the folders
-/// `/usr/local/lib` and `/usr/lib`. `MOTORIUM_MUJOCO` names the library or its folder instead.
+/// The library is searched for where `pip install mujoco==3.17.0` installs it: in the Python of
+/// `MOTORIUM_PYTHON`, of `VIRTUAL_ENV`, of every folder of `PATH` and of `~/.local`. The folders
+/// `/usr/local/lib` and `/usr/lib` are also searched. If the environment variable `MOTORIUM_MUJOCO` is set,
+/// only its value, the path of the library or its folder, is used.
 ///
 /// The method is semi-implicit Euler. Drives and damping are implicit: they are added to the mass matrix, so
 /// MuJoCo's solver (Newton, elliptic cones) treats them as inertia. The solver covers contacts, joint stops,
 /// joint friction and mimic joints. Effort limits hold in every step: a step in which a drive exceeds its
 /// limit is solved again. Contacts are MuJoCo's soft contacts, as stiff as a step of a millisecond allows.
-/// Their friction is the mean of both surfaces, and their damping is chosen to match the mean restitution.
+/// The friction of a contact is the mean friction of both surfaces, and its damping is chosen to match their
+/// mean restitution.
 ///
 /// A terrain is a MuJoCo height field, which ends at the edge of its grid. Rays are cast by motorium against
 /// the same shapes.
@@ -114,7 +116,7 @@ impl Mujoco {
     ///
     /// # Errors
     ///
-    /// [`LibraryError`], which includes what to install.
+    /// [`LibraryError`] if the library cannot be loaded. The message contains what to install.
     pub fn find() -> Result<(), LibraryError> {
         Library::get().map(|_| ())
     }

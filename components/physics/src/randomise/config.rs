@@ -8,7 +8,7 @@ use serde::Deserialize;
 
 use super::RangeError;
 
-/// Minimum and maximum of a quantity, which is sampled uniformly in between.
+/// Range of a quantity: the minimum and the maximum between which values are sampled uniformly.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(transparent)]
 pub struct Interval(pub [f64; 2]);
@@ -27,13 +27,15 @@ pub struct Interval(pub [f64; 2]);
 #[derive(Clone, Debug, Default, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RandomiseConfig {
-    /// Scales the gravitational acceleration, from 0 to 100.
+    /// Range of a factor on the gravitational acceleration. Both bounds must be between 0 and 100.
     pub gravity: Option<Interval>,
-    /// Scales the mass and inertia of each body of the robot, from 0.001 to 100.
+    /// Range of a factor on the mass and inertia of each body of the robot. Both bounds must be between 0.001
+    /// and 100.
     pub mass: Option<Interval>,
-    /// Scales the friction of the robot's surface, with one value for the whole robot, from 0 to 100.
+    /// Range of a factor on the friction of the robot's surface. One factor is sampled for the whole robot.
+    /// Both bounds must be between 0 and 100.
     pub friction: Option<Interval>,
-    /// Restitution of the robot's surface, from 0 to 1.
+    /// Range of the restitution of the robot's surface. Both bounds must be between 0 and 1.
     pub restitution: Option<Interval>,
     /// Range of a factor on the viscous damping of each joint. Both bounds must be between 0 and 100.
     pub damping: Option<Interval>,
@@ -41,7 +43,8 @@ pub struct RandomiseConfig {
     pub joint_friction: Option<Interval>,
     /// Range of a factor on the effort limit of each joint. Both bounds must be between 0 and 100.
     pub effort_limit: Option<Interval>,
-    /// Displacement of each joint's initial position, rad or m. The result stays within the joint's limits.
+    /// Range of the displacement of each joint's initial position, rad or m. The displaced position stays
+    /// within the joint's limits.
     pub start: Option<Interval>,
     /// Properties of the actuators.
     pub actuator: ActuatorIntervals,
@@ -56,7 +59,7 @@ pub struct RandomiseConfig {
     pub terrain: TerrainIntervals,
     /// Properties of objects by object name.
     pub objects: BTreeMap<String, ObjectIntervals>,
-    /// Ranges of single robots by robot name, which replace the ranges above.
+    /// Ranges of single robots by robot name. The ranges of a robot replace the common ranges of this table.
     pub robots: BTreeMap<String, RobotIntervals>,
 }
 
@@ -64,41 +67,44 @@ pub struct RandomiseConfig {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RobotIntervals {
-    /// Scales the mass and inertia of each body.
+    /// Range of a factor on the mass and inertia of each body.
     pub mass: Option<Interval>,
-    /// Scales the friction of the robot's surface.
+    /// Range of a factor on the friction of the robot's surface.
     pub friction: Option<Interval>,
-    /// Restitution of the robot's surface.
+    /// Range of the restitution of the robot's surface.
     pub restitution: Option<Interval>,
-    /// Scales the viscous damping of each joint.
+    /// Range of a factor on the viscous damping of each joint.
     pub damping: Option<Interval>,
-    /// Scales the Coulomb friction of each joint.
+    /// Range of a factor on the Coulomb friction of each joint.
     pub joint_friction: Option<Interval>,
-    /// Scales the effort limit of each joint.
+    /// Range of a factor on the effort limit of each joint.
     pub effort_limit: Option<Interval>,
-    /// Displacement of each joint's initial position, rad or m.
+    /// Range of the displacement of each joint's initial position, rad or m.
     pub start: Option<Interval>,
     /// Properties of the robot's actuators.
     pub actuator: ActuatorIntervals,
 }
 
-/// Ranges of actuator properties, which scale the settings in the graph.
+/// Ranges of factors on the actuator settings in the graph.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ActuatorIntervals {
-    /// Scales the commanded stiffness and damping of a drive, from 0 to 100.
+    /// Range of a factor on the commanded stiffness and damping of a drive. Both bounds must be between 0 and
+    /// 100.
     pub gain: Option<Interval>,
-    /// Scales all efforts of a drive and its effort limit, from 0 to 100.
+    /// Range of a factor on all efforts of a drive and its effort limit. Both bounds must be between 0 and
+    /// 100.
     pub strength: Option<Interval>,
-    /// Scales the `delay` of an actuator, from 0.001 to 100.
+    /// Range of a factor on the `delay` of an actuator. Both bounds must be between 0.001 and 100.
     pub delay: Option<Interval>,
-    /// Scales the `lag` of an actuator, from 0 to 100.
+    /// Range of a factor on the `lag` of an actuator. Both bounds must be between 0 and 100.
     pub lag: Option<Interval>,
-    /// Scales the `rate_limit` of an actuator, from 0.001 to 100.
+    /// Range of a factor on the `rate_limit` of an actuator. Both bounds must be between 0.001 and 100.
     pub rate_limit: Option<Interval>,
-    /// Scales the `drivetrain.backlash` of an actuator, from 0 to 100.
+    /// Range of a factor on the `drivetrain.backlash` of an actuator. Both bounds must be between 0 and 100.
     pub backlash: Option<Interval>,
-    /// Scales the `drivetrain.stiffness` of an actuator, from 0.001 to 100.
+    /// Range of a factor on the `drivetrain.stiffness` of an actuator. Both bounds must be between 0.001 and
+    /// 100.
     pub stiffness: Option<Interval>,
 }
 
@@ -130,18 +136,18 @@ impl ActuatorIntervals {
     }
 }
 
-/// Ranges of a displacement in the world, in addition to the initial pose.
+/// Ranges of displacements in the world, which are added to the initial pose.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct PlaceIntervals {
-    /// Displacement along x of the world, m.
+    /// Range of the displacement along the world's x axis, m.
     pub x: Option<Interval>,
-    /// Displacement along y of the world, m.
+    /// Range of the displacement along the world's y axis, m.
     pub y: Option<Interval>,
-    /// Displacement along z of the world, m. For a base without a configured position: height of the base
-    /// above the ground, m.
+    /// Range of the displacement along the world's z axis, m. For a base without a configured position, range
+    /// of the height of the base above the ground, m.
     pub z: Option<Interval>,
-    /// Rotation about z of the world, rad.
+    /// Range of the rotation about the world's z axis, rad.
     pub yaw: Option<Interval>,
 }
 
@@ -149,19 +155,21 @@ pub struct PlaceIntervals {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SurfaceIntervals {
-    /// Scales the friction, from 0 to 100.
+    /// Range of a factor on the friction. Both bounds must be between 0 and 100.
     pub friction: Option<Interval>,
-    /// Restitution, from 0 to 1.
+    /// Range of the restitution. Both bounds must be between 0 and 1.
     pub restitution: Option<Interval>,
 }
 
-/// Ranges of the shape of a terrain. Its size and number of layers do not change.
+/// Ranges of properties that shape a terrain. The size of the terrain and the number of its layers do not
+/// change.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct TerrainIntervals {
-    /// Seed of the random features of the terrain: whole numbers from 0 to 1e15, both ends included.
+    /// Range of the seed of the terrain's random features. Seeds are whole numbers from 0 to 1e15, and both
+    /// bounds are included.
     pub seed: Option<Interval>,
-    /// Scales all heights, from 0 to 100.
+    /// Range of a factor on all heights. Both bounds must be between 0 and 100.
     pub scale: Option<Interval>,
 }
 
@@ -169,19 +177,19 @@ pub struct TerrainIntervals {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ObjectIntervals {
-    /// Scales the mass and inertia, from 0.001 to 100.
+    /// Range of a factor on the mass and inertia. Both bounds must be between 0.001 and 100.
     pub mass: Option<Interval>,
-    /// Scales the friction, from 0 to 100.
+    /// Range of a factor on the friction. Both bounds must be between 0 and 100.
     pub friction: Option<Interval>,
-    /// Restitution, from 0 to 1.
+    /// Range of the restitution. Both bounds must be between 0 and 1.
     pub restitution: Option<Interval>,
-    /// Displacement of the initial position along x of the world, m.
+    /// Range of the displacement of the initial position along the world's x axis, m.
     pub x: Option<Interval>,
-    /// Displacement of the initial position along y of the world, m.
+    /// Range of the displacement of the initial position along the world's y axis, m.
     pub y: Option<Interval>,
-    /// Displacement of the initial position along z of the world, m.
+    /// Range of the displacement of the initial position along the world's z axis, m.
     pub z: Option<Interval>,
-    /// Rotation of the initial pose about z of the world, rad.
+    /// Range of the rotation of the initial pose about the world's z axis, rad.
     pub yaw: Option<Interval>,
 }
 

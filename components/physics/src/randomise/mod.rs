@@ -1,4 +1,4 @@
-//! Physical properties sampled from ranges: for the episodes of a graph and for the worlds of a batch.
+//! Sampling of physical properties from ranges, for the episodes of a graph and the worlds of a batch.
 
 mod config;
 mod quantity;
@@ -28,7 +28,7 @@ pub use start::Start;
 
 use crate::{Engine, Properties, Simulation, Simulator};
 
-/// Generates samples of physical properties. Equal seeds produce equal values, in a graph and in a batch.
+/// Generates samples of physical properties. A seed produces the same values in a graph and in a batch.
 ///
 /// ```
 /// use std::path::Path;
@@ -62,7 +62,7 @@ impl Draws {
     ///
     /// # Errors
     ///
-    /// [`RangeError`] for the first range that is out of bounds, or that applies to nothing in the
+    /// [`RangeError`] for the first range that is out of bounds, or that does not apply to any part of the
     /// simulation.
     pub fn new(
         config: &RandomiseConfig,
@@ -74,7 +74,8 @@ impl Draws {
         Ok(Self { quantities, shares: shares(robots), nominal, q: q.to_vec() })
     }
 
-    /// Creates a generator for a simulation of one robot. Its current state is the nominal initial state.
+    /// Creates a generator for a simulation of one robot. The current state of the simulation is the nominal
+    /// initial state.
     ///
     /// # Errors
     ///

@@ -38,13 +38,13 @@ pub enum Property {
     EffortLimit,
     /// Displacement of a joint's initial position, rad or m.
     Start,
-    /// Initial displacement of a floating base along x of the world, m.
+    /// Initial displacement of a floating base along the world's x axis, m.
     BaseX,
-    /// Initial displacement of a floating base along y of the world, m.
+    /// Initial displacement of a floating base along the world's y axis, m.
     BaseY,
-    /// Initial displacement of a floating base along z of the world, m.
+    /// Initial displacement of a floating base along the world's z axis, m.
     BaseZ,
-    /// Initial rotation of a floating base about z of the world, rad.
+    /// Initial rotation of a floating base about the world's z axis, rad.
     BaseYaw,
     /// Scale of the mass and inertia of an object.
     ObjectMass,
@@ -52,13 +52,13 @@ pub enum Property {
     ObjectFriction,
     /// Restitution of an object.
     ObjectRestitution,
-    /// Initial displacement of an object along x of the world, m.
+    /// Initial displacement of an object along the world's x axis, m.
     ObjectX,
-    /// Initial displacement of an object along y of the world, m.
+    /// Initial displacement of an object along the world's y axis, m.
     ObjectY,
-    /// Initial displacement of an object along z of the world, m.
+    /// Initial displacement of an object along the world's z axis, m.
     ObjectZ,
-    /// Initial rotation of an object about z of the world, rad.
+    /// Initial rotation of an object about the world's z axis, rad.
     ObjectYaw,
     /// Scale of the stiffness and damping commanded to a drive.
     ActuatorGain,
@@ -83,7 +83,7 @@ pub struct Quantity {
     pub property: Property,
     /// Index of the body, joint or object in its robot or world; 0 for a property of a whole robot or world.
     pub part: usize,
-    /// Keys in the `randomise` table, followed by the name of the part, such as `mass`, `link`.
+    /// Keys in the `randomise` table and the name of the part, such as `mass` followed by the name of a link.
     pub path: Vec<String>,
     /// Range from which the value is sampled.
     pub interval: Interval,
@@ -92,7 +92,8 @@ pub struct Quantity {
 }
 
 impl Quantity {
-    /// Returns `true` if the property may change within an episode. Starts, objects and terrain do not.
+    /// Returns `true` if the property may change within an episode. Properties of starts, objects and terrain
+    /// do not change.
     pub fn varies_in_time(&self) -> bool {
         let once = Property::Start..=Property::ObjectYaw;
         !once.contains(&self.property)
@@ -196,7 +197,7 @@ fn of_objects(config: &RandomiseConfig, nominal: &Properties, list: &mut List) -
             let message = format!("the world has no object `{name}`");
             let advice = match names.as_slice() {
                 [] => "add `objects` to the world, which has none".to_owned(),
-                names => format!("use one of its objects: {}", names.join(", ")),
+                names => format!("use an object of the world: {}", names.join(", ")),
             };
             return Err(RangeError::new(key, message).advise(advice));
         };
@@ -259,7 +260,7 @@ fn of_robot(
             let written = config.key_of_robot(name, key);
             interval.check(&written, allowed)?;
             if parts.is_empty() {
-                let message = format!("robot `{}` has nothing with this property", model.name());
+                let message = format!("robot `{}` has no part with this property", model.name());
                 return Err(RangeError::new(written, message).advise("remove the range"));
             }
             if property > Property::ActuatorStrength {

@@ -21,11 +21,11 @@ pub struct Start {
     pub properties: Properties,
     /// Initial configuration (nq), to which `lifts` have not been applied.
     pub q: Vec<f64>,
-    /// Vertical displacement \[m\] of the floating base of each articulation. It is applied after the base is
-    /// placed on the ground.
+    /// Vertical displacement \[m\] of the floating base of each articulation. This displacement is applied
+    /// after the base has been placed on the ground.
     pub lifts: Vec<f64>,
-    /// `true` if the posture, the pose of a base or the terrain differs from the nominal one. A base on the
-    /// ground must then be placed again.
+    /// `true` if the posture, the pose of a base or the terrain differs from its nominal value. A base on the
+    /// ground must then be placed on the ground again.
     pub moved: bool,
     /// For each articulation and drive, the scale of the commanded gains and the scale of the strength.
     pub drives: Vec<Vec<[f64; 2]>>,

@@ -4,8 +4,8 @@
 //! its solver vectors; no setting avoids it.
 //!
 //! The same program on the same machine produces the same bits, in every process. Rapier's feature
-//! `enhanced-determinism` would extend this to different machines at the price of slower trigonometry; it is
-//! not enabled.
+//! `enhanced-determinism`, which would produce the same bits on different machines at the price of slower
+//! trigonometry, is not enabled.
 
 pub(crate) mod convert;
 mod drives;
@@ -40,7 +40,8 @@ pub type RapierSimulator = Simulation<Rapier>;
 /// The rapier engine.
 ///
 /// Every step consists of [`Options::contact_iterations`] integration steps, each with one sweep of rapier's
-/// contact solver. The engine cannot distinguish steps near a contact from others, so `substeps` must be 1.
+/// contact solver. The engine cannot distinguish steps near a contact from steps without contacts, so
+/// `substeps` must be 1.
 ///
 /// Robots with a floating base are rejected. The robot's base is at the origin of the world. Continuous
 /// collision detection is off: at 1 kHz nothing slower than 5 m/s passes through 5 mm. Rapier has no effort

@@ -1,4 +1,4 @@
-//! Conversion of convex shapes to rapier's, and rapier's filter for pairs of colliders.
+//! Conversion of convex shapes to rapier's shapes, and the filter that rapier applies to pairs of colliders.
 
 use nalgebra::Isometry3;
 use rapier3d_f64::geometry::{ColliderHandle, SharedShape, TriMeshFlags};

@@ -272,7 +272,7 @@ fn impossible_ranges_are_rejected_at_their_position() {
         (
             "quadruped",
             "objects = { cub = { mass = [1.0, 2.0] } }",
-            "use one of its objects: cube, wall",
+            "use an object of the world: cube, wall",
             "cub",
         ),
         ("quadruped", "objects = { wall = { mass = [1.0, 2.0] } }", "`wall` has no mass", "wall"),
@@ -284,7 +284,7 @@ fn impossible_ranges_are_rejected_at_their_position() {
             "two",
         ),
         ("quadruped", "masses = [1.0, 2.0]", "masses", "masses"),
-        ("pendulum", "damping = [1.0, 2.0]", "robot `pendulum` has nothing with this property", "damping"),
+        ("pendulum", "damping = [1.0, 2.0]", "robot `pendulum` has no part with this property", "damping"),
     ] {
         let text = text(robot, &format!("[component.physics.config.randomise]\n{ranges}"), "");
         let place = line(&text, ranges) + 1;

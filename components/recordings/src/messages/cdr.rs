@@ -26,7 +26,7 @@ pub(crate) fn decoded(message: &[u8], kind: &Type) -> Result<Value, String> {
     // The end is padded to a multiple of four bytes.
     let rest = body.len() - reader.position;
     if rest > 8 {
-        return Err(format!("{rest} bytes follow the last field: the schema describes another message"));
+        return Err(format!("{rest} bytes follow the last field: the schema does not describe this message"));
     }
     Ok(value)
 }

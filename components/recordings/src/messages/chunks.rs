@@ -1,4 +1,5 @@
-//! Records in a chunk of an MCAP file, verified and recovered from damage.
+//! Records in a chunk of an MCAP file: checked against the chunk's checksum, and recovered if the chunk is
+//! damaged.
 
 use std::borrow::Cow;
 use std::io::Read;

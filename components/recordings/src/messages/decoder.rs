@@ -64,7 +64,7 @@ enum Kind {
 }
 
 impl Decoder {
-    /// Creates a decoder for messages in an encoding, with their schema.
+    /// Creates a decoder for messages with an encoding and a schema.
     ///
     /// # Errors
     /// The encodings are unknown, or the schema does not parse.

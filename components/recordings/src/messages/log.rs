@@ -11,7 +11,7 @@ use super::decoder::{Decoder, Schema, Unsupported};
 use super::framing::Summary;
 use super::records::{Damage, Records};
 
-/// A channel of a file.
+/// A channel of an MCAP file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Channel {
     /// Name of the channel, such as `/joint_states`.
@@ -76,7 +76,7 @@ pub enum LogError {
         /// The reason.
         reason: String,
     },
-    /// The channel of a movement cannot be selected, because no channel or more than one has numbers in the
+    /// The channel of a movement cannot be selected, because not exactly one channel has numbers in the
     /// field.
     #[error("{}", choice(.field, .found, .known))]
     Choice {
@@ -87,7 +87,7 @@ pub enum LogError {
         /// All channels of the file.
         known: String,
     },
-    /// A message lacks channels of the recording.
+    /// The channels in a message differ from the channels in the first message.
     #[error("channel `{topic}`, message {number}: found {found}, expected {expected}")]
     Uneven {
         /// Name of the channel.
@@ -103,7 +103,7 @@ pub enum LogError {
 
 fn choice(field: &str, found: &[String], known: &str) -> String {
     match found {
-        [] => format!("no channel has numbers `{field}`; its channels are {known}"),
+        [] => format!("no channel has numbers `{field}`; the channels of the file are {known}"),
         found => format!(
             "{} channels have numbers `{field}` ({}), expected one; choose by `--topic` or the key `topic`",
             found.len(),
@@ -112,7 +112,7 @@ fn choice(field: &str, found: &[String], known: &str) -> String {
     }
 }
 
-/// A message of a file.
+/// A message of an MCAP file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Message<'l> {
     /// Index in [`MessageLog::channels`].
@@ -123,7 +123,7 @@ pub struct Message<'l> {
     pub data: Cow<'l, [u8]>,
 }
 
-/// An MCAP file, written by any program.
+/// The channels and messages of an MCAP file, written by any program.
 #[derive(Debug)]
 pub struct MessageLog<B> {
     bytes: B,
@@ -189,7 +189,7 @@ impl<B: AsRef<[u8]>> MessageLog<B> {
         &self.channels
     }
 
-    /// Returns a list of the channels with their encodings and schemas, for error messages.
+    /// Returns a text for error messages that lists the channels with their encodings and schemas.
     pub fn described(&self) -> String {
         let known: Vec<String> = self.channels.iter().map(ToString::to_string).collect();
         known.join(", ")
@@ -237,7 +237,8 @@ impl<B: AsRef<[u8]>> MessageLog<B> {
         self.times
     }
 
-    /// Returns descriptions of the file's faults: a missing end or damage. Empty for an intact file.
+    /// Returns descriptions of the file's faults: a missing end or damage. The list is empty for an intact
+    /// file.
     pub fn faults(&self) -> Vec<String> {
         self.damage.faults(self.is_whole, self.times.map_or(0, |(first, _)| first))
     }

@@ -1,4 +1,4 @@
-//! MCAP files of any writer: records, channels and decoded messages.
+//! MCAP files written by any program: records, channels and decoded messages.
 //!
 //! [`MessageLog`] lists the channels of a file and decodes their messages into [`Value`]s, using the schemas
 //! in the file:
@@ -9,8 +9,9 @@
 //! | `json` | any, or none |
 //! | `protobuf` | `protobuf` |
 //!
-//! A channel with another encoding or schema format reports the [reason](Unsupported). Chunks may be
-//! uncompressed or compressed with lz4 or zstd. Damaged files are read as far as possible ([`Records`]).
+//! A channel with an unsupported encoding or schema format has the [reason](Unsupported) in place of a
+//! decoder. Chunks may be uncompressed or compressed with lz4 or zstd. Damaged files are read as far as
+//! possible ([`Records`]).
 
 mod cdr;
 mod chunks;

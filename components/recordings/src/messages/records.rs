@@ -14,7 +14,7 @@ pub struct Damage {
     pub chunks: Vec<(u64, u64)>,
     /// Names of corrupted attachments.
     pub attachments: Vec<String>,
-    /// Reasons why chunks are unreadable, one per chunk.
+    /// For each unreadable chunk, the reason why it is unreadable.
     pub unreadable: Vec<String>,
     /// Number of bytes that are not part of any record.
     pub skipped: u64,
@@ -24,7 +24,7 @@ pub struct Damage {
 
 impl Damage {
     /// Returns descriptions of the faults, each as a predicate such as "is incomplete". `is_whole` is `true`
-    /// if the end of the file is present, `begin_ns` the time of its start \[ns\].
+    /// if the end of the file is present. `begin_ns` is the time at which the file starts \[ns\].
     pub fn faults(&self, is_whole: bool, begin_ns: u64) -> Vec<String> {
         let mut faults = Vec::new();
         if !is_whole {
@@ -37,7 +37,7 @@ impl Damage {
             faults.push(format!("is damaged: its attachment `{name}` changed after writing"));
         }
         if self.has_other {
-            faults.push("is damaged: bytes outside of its chunks changed after writing".to_string());
+            faults.push("is damaged: bytes outside its chunks changed after writing".to_string());
         }
         if is_whole && self.skipped > 0 {
             faults.push(format!("is damaged: {} bytes cannot be read", self.skipped));
@@ -63,13 +63,13 @@ fn damaged(chunks: &[(u64, u64)], begin: u64) -> Option<String> {
     let count = chunks.len();
     let noun = if count == 1 { "chunk" } else { "chunks" };
     Some(format!(
-        "is damaged: {count} {noun} of it, between {:.3} s and {:.3} s, changed after writing",
+        "is damaged: {count} {noun}, between {:.3} s and {:.3} s, changed after writing",
         since(from),
         since(to)
     ))
 }
 
-/// An iterator over all records in file order, in and outside chunks. It skips damaged bytes.
+/// An iterator over all records in file order, in and outside chunks. The iterator skips damaged bytes.
 #[derive(Debug)]
 pub struct Records<'a> {
     file: &'a [u8],
@@ -88,7 +88,8 @@ pub struct Records<'a> {
 }
 
 impl<'a> Records<'a> {
-    /// Creates an iterator over the records of a file. `checks_all` also verifies the checksum of all data.
+    /// Creates an iterator over the records of a file. If `checks_all` is `true`, the iterator also verifies
+    /// the checksum of the whole data section.
     pub fn new(file: &'a [u8], summary: &'a Summary, checks_all: bool) -> Self {
         Self {
             file,

@@ -1,4 +1,4 @@
-//! Decoded messages.
+//! Decoded messages, and access to their fields by path.
 
 use std::fmt;
 use std::sync::Arc;
@@ -64,8 +64,8 @@ pub enum Leaf<'v> {
 }
 
 impl Value {
-    /// Returns the value at a path such as `pose.position.x` or `joints[2].position`; the whole value at the
-    /// path "".
+    /// Returns the value at a path such as `pose.position.x` or `joints[2].position`. The path "" returns the
+    /// whole value.
     ///
     /// ```
     /// use motorium_recordings::messages::{Number, Value};
@@ -157,9 +157,9 @@ impl Value {
         }
     }
 
-    /// Returns the names of the entries of the array of numbers at a path; `None` if it has no names. The
-    /// names are an adjacent list of strings with the same length, called `name`, `names` or `joint_names`,
-    /// as in `sensor_msgs/msg/JointState`.
+    /// Returns the names of the entries of the array of numbers at a path; `None` if the array has no names.
+    /// The names are a list of strings next to the array, with the same length, called `name`, `names` or
+    /// `joint_names`, as in `sensor_msgs/msg/JointState`.
     pub fn names_of(&self, path: &str) -> Option<Vec<&str>> {
         let entries = self.get(path)?.numbers()?.len();
         let parent = path.rsplit_once('.').map_or("", |(parent, _)| parent);

@@ -26,10 +26,10 @@ use crate::randomise::{SensorDraw, SensorRanges};
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ForceTorqueConfig {
-    /// Link carried by the sensor. The sensor is in the joint between this link and its parent, which may
-    /// move or be fixed.
+    /// Link carried by the sensor. The sensor is in the joint between this link and its parent. This joint
+    /// may be movable or fixed.
     pub link: String,
-    /// Position of the sensor in the frame of the link (m). Default: its origin.
+    /// Position of the sensor in the frame of the link (m). Default: the link's origin.
     #[serde(default)]
     pub position: [f64; 3],
     /// Orientation of the sensor in the frame of the link: roll, pitch, yaw about the fixed axes x, y, z, in
@@ -48,7 +48,7 @@ pub struct ForceTorqueConfig {
     /// Fraction of the readings that are dropped, 0 to 1. Default 0.
     #[serde(default)]
     pub drop_out: f64,
-    /// Gravitational acceleration (m/s^2). Default: the value in the graph's `[world]`, else standard
+    /// Gravitational acceleration (m/s^2). Default: the value in the graph's `[world]`, otherwise standard
     /// gravity.
     #[serde(default = "earth")]
     pub gravity: [f64; 3],
@@ -103,9 +103,10 @@ impl ForceTorqueConfig {
 
 /// A component that publishes the readings of a force-torque sensor between two links of a robot.
 ///
-/// A reading is the wrench that the robot exerts through the sensor on everything it carries, averaged since
-/// the last sample. At rest this is the carried weight, upwards. The wrench is expressed in the sensor's axes
-/// about the sensor's origin, both at the middle of the interval.
+/// A reading is the wrench that the robot exerts through the sensor on everything it carries, averaged over
+/// the time since the last sample. At rest, the force is the weight of the carried parts, directed upwards.
+/// The wrench is expressed in the sensor's axes about the sensor's origin, both at the middle of the
+/// interval.
 pub struct ForceTorque {
     loads: TrueLoads,
     wrench: Output<Wrench>,

@@ -32,7 +32,7 @@ sensor_config! {
     accelerometer: ErrorModel = ErrorModel::default();
     /// Standard deviation of the orientation noise about each axis, rad. Default 0.
     orientation_noise: f64 = 0.0;
-    /// Gravitational acceleration (m/s^2). Default: the value in the graph's `[world]`, else standard
+    /// Gravitational acceleration (m/s^2). Default: the value in the graph's `[world]`, otherwise standard
     /// gravity.
     gravity: [f64; 3] = [0.0, 0.0, -9.81];
 }
@@ -54,8 +54,8 @@ impl ImuConfig {
 
 /// A component that publishes the readings of an inertial measurement unit on a robot.
 ///
-/// It samples the true motion at its own rate or on its trigger. A reading is the mean over the time since
-/// the previous sample.
+/// The component samples the true motion at its own rate or on its trigger. A reading is the mean over the
+/// time since the previous sample.
 pub struct Imu {
     motion: TrueMotion,
     drawn: Drawn,

@@ -22,7 +22,7 @@ sensor_config! {
 
     /// Errors of the torque of a revolute joint, N m, and of the force of a prismatic joint, N.
     torque: ErrorModel = ErrorModel::default();
-    /// Gravitational acceleration (m/s^2). Default: the value in the graph's `[world]`, else standard
+    /// Gravitational acceleration (m/s^2). Default: the value in the graph's `[world]`, otherwise standard
     /// gravity.
     gravity: [f64; 3] = earth();
 }
@@ -35,9 +35,9 @@ impl JointTorqueConfig {
 
 /// A component that publishes the readings of torque sensors on the output side of a robot's joints.
 ///
-/// A reading is the transmitted torque about the joint axis (or force along it), averaged since the previous
-/// sample. Friction, damping and inertia of the drive act on the other side of the sensor and are not
-/// measured.
+/// A reading is the transmitted torque about the joint axis (or force along it), averaged over the time since
+/// the previous sample. Friction, damping and inertia of the drive act on the other side of the sensor and
+/// are not measured.
 pub struct JointTorque {
     loads: TrueLoads,
     measured: Output<JointState>,

@@ -21,7 +21,8 @@ use serde::Deserialize;
 #[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct JointMergeConfig {
-    /// Publishers by input name. Together they must have every joint of the robot exactly once.
+    /// Publishers by the name of the input. Together, the publishers must provide every joint of the robot
+    /// exactly once.
     pub parts: BTreeMap<String, PartConfig>,
 }
 
@@ -31,8 +32,8 @@ pub struct JointMergeConfig {
 pub struct PartConfig {
     /// Names of the joints, in the order of the publisher's joint states.
     pub joints: Vec<String>,
-    /// Maximum age of a joint state. Nothing is published while the state of any part is older. Default 20
-    /// ms.
+    /// Maximum age of a joint state. While the state of any part is older, no merged state is published.
+    /// Default 20 ms.
     #[serde(default = "stale_after")]
     pub stale_after: TimeSpan,
 }
@@ -44,9 +45,9 @@ fn stale_after() -> TimeSpan {
 /// A component that merges joint states from several publishers (buses, or a gripper and an arm) in the order
 /// of the robot's joints.
 ///
-/// It publishes once per step while the states of all parts are fresh. When one part stops, the merged state
-/// stops too, and its consumers enter their safe state as if the sensor were missing. The result counts these
-/// steps per part.
+/// The component publishes once per step while the states of all parts are fresh. When the states of one part
+/// become stale, the component stops publishing, and consumers of the merged state enter their safe state as
+/// if the sensor were missing. The result counts these steps per part.
 ///
 /// Publishers may have different rates. Each step uses the newest state of every part, so a state of a slow
 /// publisher appears in several merged states. The source time of a merged state is the oldest source time

@@ -1,4 +1,4 @@
-//! The robot of a component, and the motion of a sensor mount on it.
+//! The robot of a component, and the motion of a sensor mount on the robot.
 
 use motorium::prelude::*;
 use motorium_robots::{
@@ -63,7 +63,7 @@ pub struct Mount {
     /// Link on which the sensor is mounted. `world` is a mount fixed in the world, unless the robot has a
     /// link of this name. Default: the root link.
     pub frame: Option<String>,
-    /// Position of the sensor in the frame of the link (m). Default: its origin.
+    /// Position of the sensor in the frame of the link (m). Default: the link's origin.
     pub position: [f64; 3],
     /// Orientation of the sensor in the frame of the link: roll, pitch, yaw about the fixed axes x, y, z, in
     /// this order (rad).
@@ -121,7 +121,7 @@ pub(super) enum Needs {
     Place,
     /// None; the mount may be fixed.
     AnyPlace,
-    /// None; the mount may be fixed. The motion is the measured one instead of the true one.
+    /// None; the mount may be fixed. The sensor uses the measured motion instead of the true motion.
     Measured,
     /// Motion of all links.
     AllLinks,

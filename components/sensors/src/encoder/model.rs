@@ -94,8 +94,8 @@ impl EncoderModel {
         Self::drawn(joints, settings, &SensorDraw::none(settings.latency), seed, shortest_period)
     }
 
-    /// Like [`new`](Self::new), with the scales of noise and bias and the latency in `draw`, sampled for an
-    /// episode.
+    /// Creates sensors like [`new`](Self::new), with the scales of noise and bias and the latency that `draw`
+    /// contains for an episode.
     ///
     /// # Errors
     /// Same as [`new`](Self::new).
@@ -152,16 +152,16 @@ impl EncoderModel {
     }
 
     /// Samples the true joint state at a time (ns): `q` (rad or m), `v` (per second) and `tau` (N m or N),
-    /// one number per joint each.
+    /// each with one number per joint.
     ///
     /// # Errors
-    /// A slice's length differs from the number of joints; nothing is sampled then.
+    /// A slice's length differs from the number of joints. In this case, nothing is sampled.
     pub fn sample(&mut self, time_ns: u64, q: &[f64], v: &[f64], tau: &[f64]) -> Result<(), SampleError> {
         self.sample_state(time_ns, StateTimes { state: time_ns, source: time_ns }, q, v, tau)
     }
 
-    /// Like [`sample`](Self::sample), with the run time and the source time of the state. Velocities are
-    /// differentiated over the run time, which is free of sampling jitter.
+    /// Samples the joint state like [`sample`](Self::sample), with the run time and the source time of the
+    /// state. Velocities are differentiated over the run time, which is free of sampling jitter.
     ///
     /// # Errors
     /// Same as [`sample`](Self::sample).

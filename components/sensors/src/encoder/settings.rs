@@ -23,16 +23,17 @@ use crate::randomise::SensorRanges;
 pub struct JointErrors {
     /// Standard deviation of the noise of each reading, before rounding to the resolution. Default 0.
     pub noise: PerJoint,
-    /// Standard deviation of the initial bias. The bias of a position is its zero offset. Default 0.
+    /// Standard deviation of the initial bias. The bias of a joint position is the offset of the joint's
+    /// zero. Default 0.
     pub bias: PerJoint,
     /// Standard deviation of the change of the bias in one second. Default 0.
     pub bias_walk: PerJoint,
     /// Standard deviation of the scale error, as a fraction of the reading. Default 0.
     pub scale_error: PerJoint,
     /// Increment to which readings are rounded. Default 0: no rounding. An encoder with `n` bits per
-    /// revolution has `2 pi / 2^n`.
+    /// revolution has the resolution `2 pi / 2^n`.
     pub resolution: PerJoint,
-    /// Maximum magnitude of a reading, at which it saturates. Default: unlimited.
+    /// Maximum magnitude of a reading. A larger value saturates at this magnitude. Default: unlimited.
     pub range: Option<PerJoint>,
 }
 

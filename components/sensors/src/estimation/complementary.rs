@@ -3,8 +3,8 @@
 use motorium_robots::lie::so3;
 use nalgebra::{UnitQuaternion, Vector3};
 
-/// A complementary filter for attitude. It follows the gyroscope at high frequencies and the direction of
-/// gravity at low frequencies.
+/// A complementary filter for attitude. The filter follows the gyroscope at high frequencies and the
+/// direction of gravity at low frequencies.
 ///
 /// ```text
 /// e = f / |f| x R' z        dR/dt = R (omega - b + kp e)^        db/dt = -ki e
@@ -53,7 +53,7 @@ impl ComplementaryFilter {
         self
     }
 
-    /// Restarts from an attitude with zero bias.
+    /// Restarts from an attitude, with a bias of zero.
     pub fn reset(&mut self, attitude: UnitQuaternion<f64>) {
         (self.attitude, self.bias) = (attitude, Vector3::zeros());
     }

@@ -16,8 +16,8 @@ pub struct SingularInnovation;
 /// update:   K = P H' S^-1       S = H P H' + R     x = x + K (z - H x)   P = (1 - K H) P (1 - K H)' + K R K'
 /// ```
 ///
-/// Kalman 1960. The covariance update uses Joseph's form, which stays symmetric and positive by construction.
-/// Measurements of different dimensions may be mixed. Nothing allocates.
+/// Source: Kalman 1960. The covariance update uses Joseph's form, which stays symmetric and positive by
+/// construction. Measurements of different dimensions may be mixed. Nothing allocates.
 ///
 /// ```
 /// use motorium_sensors::estimation::KalmanFilter;
@@ -55,11 +55,12 @@ impl<const N: usize> KalmanFilter<N> {
     }
 
     /// Corrects the state with a measurement `z = H x` whose noise has the covariance `r`. Returns the
-    /// normalised innovation squared `y' S^-1 y`, whose mean is `M` if the filter's noise covariances are
-    /// correct.
+    /// normalised innovation squared `y' S^-1 y`, for the innovation `y` with the covariance `S`. Its mean is
+    /// the size `M` of the measurement if the noise covariances are correct.
     ///
     /// # Errors
-    /// [`SingularInnovation`]; the filter is then unchanged.
+    /// [`SingularInnovation`] if the covariance of the innovation is not positive definite. The filter is
+    /// then unchanged.
     pub fn update<const M: usize>(
         &mut self,
         h: &SMatrix<f64, M, N>,

@@ -53,7 +53,8 @@ impl SlopeEstimator {
         Self { samples: vec![(0.0, 0.0); samples], next: 0, count: 0 }
     }
 
-    /// Adds the position at a time \[s\]. A time that is not after the last one restarts the estimator.
+    /// Adds the position at a time \[s\]. A time that is not after the previous position's restarts the
+    /// estimator.
     pub fn push(&mut self, time: f64, position: f64) {
         let size = self.samples.len();
         if self.count > 0 && time <= self.samples[(self.next + size - 1) % size].0 {
@@ -64,8 +65,8 @@ impl SlopeEstimator {
         self.count = (self.count + 1).min(size);
     }
 
-    /// Returns the velocity, or `None` before two samples. Until `n` samples have been added, the slope of
-    /// fewer samples is returned, with a shorter delay.
+    /// Returns the velocity, or `None` before the second sample. Until `n` samples have been added, the slope
+    /// of fewer samples is returned, with a shorter delay.
     pub fn slope(&self) -> Option<Slope> {
         if self.count < 2 {
             return None;

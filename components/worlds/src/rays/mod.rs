@@ -1,9 +1,10 @@
 //! Ray casting: the first surface hit by a ray.
 //!
 //! A [`RayShape`] is one shape with closed-form intersections. A [`RayScene`] is a set of placed shapes for
-//! many rays: neighbouring rays are bounded by one cone, and only shapes that intersect it are tested.
+//! many rays: neighbouring rays are bounded by one cone, and only shapes that intersect this cone are tested.
 //!
-//! A ray does not hit a shape that contains its origin, so a sensor sees out of its own housing.
+//! A ray does not hit shapes that contain the ray's origin, so a sensor inside a housing sees through the
+//! housing.
 
 mod scene;
 mod shape;

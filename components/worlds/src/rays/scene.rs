@@ -1,4 +1,4 @@
-//! Placed shapes, and the casting of many rays.
+//! Scenes of placed shapes, and casting of many rays at once.
 
 use std::sync::Arc;
 
@@ -84,9 +84,9 @@ impl RayScene {
         }
     }
 
-    /// Adds the objects of a world in order at their initial poses, then its ground or terrain. Returns the
-    /// index of the first added shape. Rays hit the [visual shape](RayShape::of_object) of an object. An
-    /// [invalid](World::check) terrain is skipped.
+    /// Adds the objects of a world in order at their initial poses, then the ground or terrain of the world.
+    /// Returns the index of the first added shape. Rays hit the [visual shape](RayShape::of_object) of an
+    /// object. An [invalid](World::check) terrain is skipped.
     pub fn add_world(&mut self, world: &World) -> usize {
         let first = self.len();
         for object in &world.objects {
@@ -133,7 +133,7 @@ impl RayScene {
         target.position = pose.translation.vector.into();
     }
 
-    /// Returns the first surface that a ray hits within `range` \[m\].
+    /// Returns the first surface that a ray hits within `range` \[m\]; `None` without a hit.
     pub fn cast(&self, ray: &Ray, range: f64) -> Option<RayHit> {
         let ray = numbers(ray);
         let mut best = None;
@@ -145,7 +145,7 @@ impl RayScene {
     }
 
     /// Finds the first surface that each ray hits within `range` \[m\]; `hits[i]` is the result for
-    /// `rays[i]`. Consecutive rays with similar origins and directions are fastest.
+    /// `rays[i]`. Casting is fastest if consecutive rays have similar origins and directions.
     ///
     /// # Panics
     /// If the lengths of `hits` and `rays` differ.

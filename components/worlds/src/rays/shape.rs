@@ -44,14 +44,14 @@ pub(super) enum Surface {
     HalfSpace,
     Terrain(Arc<HeightField>),
     Triangles(Arc<TriangleSurface>),
-    /// Shapes with their poses.
+    /// Several shapes with their poses.
     Parts(Arc<[(M3, V3, RayShape)]>),
-    /// A hull without volume.
+    /// A convex hull without volume, which no ray hits.
     Nothing,
 }
 
 impl RayShape {
-    /// Creates a ray-casting shape from a convex shape. A hull without volume is never hit.
+    /// Creates a ray-casting shape from a convex shape. No ray hits a hull without volume.
     pub fn new(shape: &ConvexShape) -> Self {
         let surface = match shape {
             ConvexShape::Sphere { radius } => Surface::Sphere(*radius),
@@ -72,19 +72,19 @@ impl RayShape {
         Self { surface, reach: shape.bounding_radius() }
     }
 
-    /// Creates the surface of a terrain. Rays hit it only from above.
+    /// Creates the surface of a terrain, which rays hit only from above.
     pub fn of_terrain(field: Arc<HeightField>) -> Self {
         Self { surface: Surface::Terrain(field), reach: f64::INFINITY }
     }
 
-    /// Creates the surface of a triangle mesh. Rays hit it from both sides.
+    /// Creates the surface of a triangle mesh, which rays hit from both sides.
     pub fn of_triangles(surface: Arc<TriangleSurface>) -> Self {
         let reach = surface.reach();
         Self { surface: Surface::Triangles(surface), reach }
     }
 
     /// Creates a ray-casting shape from an object: the [visual](crate::MeshShape::visual) triangles of a
-    /// mesh, or all parts of a compound. An unreadable mesh is never hit.
+    /// mesh, or all parts of a compound. No ray hits an unreadable mesh.
     pub fn of_object(shape: &ObjectShape) -> Self {
         match shape {
             ObjectShape::Mesh(mesh) => match mesh.body() {

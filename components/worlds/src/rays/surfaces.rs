@@ -1,4 +1,4 @@
-//! Intersections of rays with the surfaces of shapes about the origin, from outside.
+//! Intersections of rays with shapes centred at the origin, for rays that start outside the shape.
 
 use motorium_robots::V3;
 

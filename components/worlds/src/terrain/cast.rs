@@ -1,5 +1,5 @@
-//! Ray casting on height fields: from block to block, and through the cells of blocks that reach up to the
-//! ray.
+//! Ray casting on height fields: a ray steps from block to block, and tests the cells of blocks that are high
+//! enough to reach it.
 
 use motorium_robots::V3;
 

@@ -234,9 +234,9 @@ impl HeightField {
         out.dot(out) <= reach * reach
     }
 
-    /// Calls `visit` with the number and the position of every peak within `reach` \[m\] along x and y. A
-    /// peak is a grid corner that rises above the line between its neighbours along an axis. A flat body
-    /// touches the peaks first.
+    /// Calls `visit` with the number and the position of every peak within `reach` \[m\] of a position,
+    /// separately along x and y. A peak is a grid corner that rises above the line between its two neighbours
+    /// along x or y. A flat body touches peaks before other points.
     pub fn visit_peaks(&self, x: f64, y: f64, reach: f64, visit: &mut dyn FnMut(u32, Point3<f64>)) {
         let (u, v) = self.in_cells(x, y);
         let wide = reach / self.spacing;
@@ -264,9 +264,9 @@ const FLAT: f64 = 1e-3;
 const EDGES: [[i64; 2]; 3] = [[1, 0], [0, 1], [1, 1]];
 
 impl HeightField {
-    /// Calls `visit` with every ridge (convex edge) within `reach` \[m\] along x and y. The edges of a body
-    /// touch the ridges first. The arguments of `visit` are the ridge's unique number below 2^32, its two
-    /// ends, and the normals of the triangles on its two sides.
+    /// Calls `visit` with every ridge (convex edge) within `reach` \[m\] of a position, separately along x
+    /// and y. The edges of a body touch ridges before other edges. The arguments of `visit` are the ridge's
+    /// unique number below 2^32, its two ends, and the normals of the triangles on its two sides.
     pub fn visit_ridges(
         &self,
         x: f64,

@@ -25,7 +25,8 @@ pub enum TerrainLayer {
     /// An image whose grey values are heights: a greyscale PNG file of 8 or 16 bits.
     ///
     /// Seen from above, x points to the right in the image and y up. The outermost pixels are on the edges of
-    /// `size`. Heights are interpolated between pixels, and continue beyond the image as at its edge.
+    /// `size`. Heights are interpolated between pixels. Beyond the image, the height continues as at the
+    /// nearest edge.
     Image {
         /// Path of the file, relative to the graph's folder.
         #[schemars(extend("format" = "path"))]

@@ -28,9 +28,10 @@ const FARTHEST: f64 = 1e6;
 /// Width of the band around the level area over which the terrain rises to its height \[m\].
 const BAND: f64 = 0.3;
 
-/// Uneven ground instead of a plane. Its height is the sum of its layers, relative to z = 0.
+/// Uneven ground, as an alternative to a plane. The height above z = 0 is the sum of the heights of all
+/// layers.
 ///
-/// Beyond its size, the height continues as at the nearest edge.
+/// Beyond the `size`, the height continues as at the nearest edge.
 ///
 /// ```
 /// use motorium_worlds::Terrain;
@@ -72,8 +73,8 @@ pub struct Terrain {
     /// Scales all heights. Default 1.
     #[serde(default = "one")]
     pub scale: f64,
-    /// Coefficient of friction, default 0.8. A surface with 0 is frictionless against every surface without a
-    /// `friction_combine`.
+    /// Coefficient of friction, default 0.8. A surface with friction 0 is frictionless against every surface
+    /// without a `friction_combine`.
     #[serde(default = "default_friction")]
     #[schemars(range(min = 0.0))]
     pub friction: f64,
@@ -97,7 +98,7 @@ pub struct Terrain {
     /// Softness: contact points yield like a spring and a damper. Default: the surface is rigid.
     #[serde(default)]
     pub soft: Option<Softness>,
-    /// Layers of the terrain, whose heights are added.
+    /// Layers of the terrain. The heights of all layers are added.
     pub layers: Vec<TerrainLayer>,
 }
 
@@ -192,8 +193,8 @@ impl Terrain {
         Ok(cells)
     }
 
-    /// Returns the height field of the terrain. This reads the image files of the layers; apart from them,
-    /// the result depends only on the description.
+    /// Returns the height field of the terrain. The function reads the image files of the layers; apart from
+    /// these files, the result depends only on the description.
     ///
     /// # Errors
     /// [`TerrainError`] if a value is out of range or an image cannot be read.

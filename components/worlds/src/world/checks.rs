@@ -1,4 +1,4 @@
-//! Checks of single numbers of a world.
+//! Range checks of single numbers in the description of a world.
 
 use super::WorldError;
 

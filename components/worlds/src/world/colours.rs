@@ -1,4 +1,4 @@
-//! Colours of the objects of a world, and the check of its appearance.
+//! Colours of the objects in a world, and checks of the world's appearance.
 
 use motorium_robots::{Colour, nearest};
 

@@ -1,4 +1,4 @@
-//! Connections of the objects of a world.
+//! Connections between the objects of a world.
 
 use motorium_robots::nearest;
 use schemars::JsonSchema;
@@ -10,8 +10,9 @@ use super::{Object, WorldError};
 /// A connection of two links or objects in addition to the robot's joints, for example to close a kinematic
 /// loop or to fix an object to a hand.
 ///
-/// It maintains the initial relative pose of both parts. Connected parts do not collide with each other.
-/// Connections of a world refer to objects.
+/// The connection maintains the initial relative pose of both parts, except for the motions that its `kind`
+/// permits. Connected parts do not collide with each other. Connections in the description of a world refer
+/// to objects of that world.
 ///
 /// ```
 /// use motorium_worlds::{ConnectionKind, World};
@@ -32,10 +33,10 @@ use super::{Object, WorldError};
 pub struct Connection {
     /// The two connected parts: links of robots, objects, or `world`.
     pub parts: [String; 2],
-    /// Relative motions that are permitted.
+    /// Relative motions that the connection permits.
     #[serde(default)]
     pub kind: ConnectionKind,
-    /// Connection point, in the axes of the first part (m). Default: its origin.
+    /// Connection point, in the axes of the first part (m). Default: the origin of the first part.
     #[serde(default)]
     pub point: [f64; 3],
 }
@@ -44,7 +45,7 @@ pub struct Connection {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ConnectionKind {
-    /// Rotation about the point, as in a ball joint, a pin of a planar linkage, or a rod end.
+    /// Rotation about the connection point, as in a ball joint, a pin of a planar linkage, or a rod end.
     #[default]
     Ball,
     /// No relative motion.

@@ -38,7 +38,7 @@ pub enum WorldError {
         /// Name of the object.
         name: String,
     },
-    /// Neighbouring triangles face opposite sides.
+    /// Neighbouring triangles of a mesh face opposite sides.
     #[error(
         "{name}: the triangles at the edge from {:?} to {:?} of its mesh face opposite sides, so it is ambiguous which side is \
          solid; orient all of them outward (a mesh editor recalculates normals), or use convex parts, such as \
@@ -52,7 +52,8 @@ pub enum WorldError {
     },
     /// A moving object uses triangle collision.
     #[error(
-        "{name}: it moves, so it cannot collide with its triangles; cut it into convex parts, such as collision = {{ parts = 16 }}, or \
+        "{name}: a moving object cannot collide with its triangles; cut the mesh into convex parts, such as \
+         collision = {{ parts = 16 }}, or \
          remove `mass` and `density`"
     )]
     MovingTriangles {
@@ -91,7 +92,7 @@ pub enum WorldError {
         /// Name of the object.
         name: String,
     },
-    /// The file is not a world.
+    /// The file cannot be read as a world.
     #[error(transparent)]
     File(#[from] WorldFileError),
     /// Both a plane and a terrain are specified.

@@ -20,7 +20,7 @@ const MOST_HULL_CORNERS: usize = 4096;
 /// Maximum number of convex parts of a mesh.
 const MOST_PARTS: usize = 64;
 
-/// A mesh from a file, in the coordinates of the file.
+/// An object's shape read from a mesh file, in the coordinates of the file.
 ///
 /// ```
 /// use motorium_worlds::{MeshCollision, MeshShape, Object, ObjectShape};
@@ -47,7 +47,7 @@ pub struct MeshShape {
     /// Collision shape. Default: the convex hull.
     #[serde(default)]
     pub collision: MeshCollision,
-    /// Another mesh file for drawing, with the same scale. Default: `file`.
+    /// Mesh file for drawing, if it differs from `file`. The same `scale` applies. Default: `file`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("format" = "path"))]
     pub visual: Option<PathBuf>,
@@ -63,12 +63,12 @@ pub enum MeshCollision {
     /// Convex hull of at most 4096 corners.
     #[default]
     Hull,
-    /// At most this number (1 to 64) of convex parts with at most 64 corners each, which together cover the
-    /// mesh. They protrude from the mesh by up to a 64th of its longest side.
+    /// Convex parts that together cover the mesh: at most this number of parts (1 to 64), each with at most
+    /// 64 corners. The parts protrude from the mesh by up to a 64th of the mesh's longest side.
     Parts(#[schemars(range(min = 1, max = 64))] usize),
-    /// The triangles themselves, solid behind. This is exact, but for fixed objects only. Triangles that
-    /// enclose a volume face outward, regardless of their order in the file. The front of an open surface is
-    /// the side from which its triangles are counter-clockwise.
+    /// The triangles of the mesh, solid behind their front side. This shape is exact, but only fixed objects
+    /// can have it. Triangles that enclose a volume face outward, regardless of their order in the file. The
+    /// front of an open surface is the side from which its triangles are counter-clockwise.
     Triangles,
 }
 
@@ -77,11 +77,11 @@ pub enum MeshCollision {
 pub struct MeshBody {
     /// Mesh of the file, scaled, with coincident corners merged and triangles facing outward.
     pub mesh: TriangleMesh,
-    /// Triangles of the drawn mesh, which rays of sensors also hit.
+    /// Triangles for drawing the mesh and for the rays of sensors.
     pub visual: Arc<TriangleSurface>,
     /// Convex collision parts; empty for triangle collision.
     pub parts: Vec<Arc<TriangleMesh>>,
-    /// Collision triangles.
+    /// Triangles for triangle collision; `None` for collision of convex parts.
     pub surface: Option<Arc<TriangleSurface>>,
     /// Volume properties of the mesh if it is closed, otherwise of its convex hull; `None` without a volume.
     pub properties: Option<VolumeProperties>,
@@ -105,7 +105,7 @@ impl MeshShape {
         Self { file: file.into(), scale, collision, visual: None, read: Arc::default() }
     }
 
-    /// Creates a mesh shape from a mesh in memory; `name` replaces its file name.
+    /// Creates a mesh shape from a mesh in memory; `name` is used in place of a file name.
     pub fn of_mesh(name: &str, mesh: TriangleMesh, collision: MeshCollision) -> Self {
         let shape = Self { collision, ..Self::new(name) };
         let _ = shape.read.set(Ok(Arc::new(MeshBody::new(mesh, None, collision))));
@@ -126,7 +126,7 @@ impl MeshShape {
     ///
     /// # Errors
     ///
-    /// [`MeshError`].
+    /// [`MeshError`] if a file cannot be read as a mesh.
     pub fn body(&self) -> Result<Arc<MeshBody>, MeshError> {
         self.read.get_or_init(|| self.read_files().map(Arc::new)).clone()
     }

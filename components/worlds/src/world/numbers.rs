@@ -1,4 +1,4 @@
-//! Checks of the numbers of a ground and of objects.
+//! Range checks of the numbers of the ground and the objects.
 
 use super::checks::{check, finite, from_zero, positive};
 use super::shape::check_parts;
@@ -29,7 +29,7 @@ impl Object {
             finite(name, "velocity or angular_velocity", value)?;
         }
         if !self.is_dynamic() && (self.velocity, self.angular_velocity) != ([0.0; 3], [0.0; 3]) {
-            let problem = "it is fixed but has a velocity; give it a `mass` or a `density`";
+            let problem = "a fixed object cannot have a velocity; give the object a `mass` or a `density`";
             return Err(WorldError::Parts { name: name.to_owned(), problem });
         }
         // Files are checked once the folder for paths is known.

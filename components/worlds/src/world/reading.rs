@@ -43,7 +43,8 @@ pub(super) fn mesh(path: &Path, scale: [f64; 3], moves: bool) -> (ObjectShape, O
         Some(mesh) if mesh.welded().twisted_edge().is_some() => (
             MeshCollision::Hull,
             Some(
-                "it collides with its convex hull, because its triangles face both sides; orient all outward",
+                "the mesh collides as its convex hull, because its triangles face both sides; orient all \
+                 triangles outward",
             ),
         ),
         Some(_) => (MeshCollision::Triangles, None),

@@ -1,4 +1,4 @@
-//! Worlds from SDF (SDFormat 1.4 to 1.11). Supported are static models, and moving models of one link, with
+//! Worlds from SDF (SDFormat 1.4 to 1.11). Static models and moving models of one link are supported, with
 //! primitives, planes and meshes.
 
 mod bodies;

@@ -54,14 +54,14 @@ pub enum ObjectShape {
 pub struct ObjectMass {
     /// Mass \[kg\].
     pub mass: f64,
-    /// Pose of the principal axes of inertia in the object, with the centre of mass as origin; `None` if
-    /// equal to the object's frame.
+    /// Frame of the principal axes of inertia, with the centre of mass as origin, as a pose in the object;
+    /// `None` if this frame is the object's frame.
     pub frame: Option<Isometry3<f64>>,
     /// Principal moments of inertia about the centre of mass \[kg m2\].
     pub moments: Vector3<f64>,
 }
 
-/// One shape of a compound object, at a pose in the object.
+/// One shape of a compound object, and its pose in the object.
 ///
 /// ```
 /// use motorium_worlds::Object;
@@ -91,8 +91,8 @@ pub struct CompoundPart {
     /// (rad).
     #[serde(default)]
     pub rpy: [f64; 3],
-    /// Mass (kg); either all parts have one, or none. If the object has a `mass`, these values are relative
-    /// weights. Default: mass is distributed evenly over all parts.
+    /// Mass of the part (kg). Either all parts have a mass, or no part has. If the object has a `mass`, the
+    /// parts' masses are relative weights that distribute it. Default: all parts have the same density.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0))]
     pub mass: Option<f64>,
@@ -194,7 +194,7 @@ impl ObjectShape {
     }
 
     /// Returns the convex shape; for a mesh, its convex hull. Returns `None` for an unreadable mesh, and for
-    /// a compound: use the [`shapes`](Self::shapes) of its parts.
+    /// a compound, whose parts are returned by [`shapes`](Self::shapes).
     pub fn convex_shape(&self) -> Option<ConvexShape> {
         Some(match *self {
             Self::Box { size } => ConvexShape::Box { half: Vector3::from(size) * 0.5 },
@@ -209,7 +209,7 @@ impl ObjectShape {
         })
     }
 
-    /// Returns the geometry; `None` for a compound: use the [`shapes`](Self::shapes) of its parts.
+    /// Returns the geometry; `None` for a compound, whose parts are returned by [`shapes`](Self::shapes).
     pub fn geometry(&self) -> Option<Geometry> {
         match self {
             Self::Mesh(mesh) => Some(Geometry::Mesh {
@@ -326,11 +326,13 @@ pub(super) fn check_parts(owner: &str, parts: &[CompoundPart], density: bool) ->
     let stated = parts.iter().filter(|part| part.mass.is_some()).count();
     if stated != 0 && stated != parts.len() {
         return Err(wrong(
-            "some of its parts have a mass and others do not; specify it for all parts or for none",
+            "some of its parts have a mass and others do not; specify a mass for all parts or for no part",
         ));
     }
     if stated != 0 && density {
-        return Err(wrong("its parts have masses, but it also has a `density`; remove one"));
+        return Err(wrong(
+            "its parts have masses, but the object also has a `density`; remove one of the two",
+        ));
     }
     if stated != 0 && stated_mass(parts) <= Some(0.0) {
         return Err(wrong("the masses of all its parts are zero; make at least one positive"));

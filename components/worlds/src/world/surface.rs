@@ -1,4 +1,4 @@
-//! Checks of surfaces, and one rule of friction for a whole world.
+//! Checks of surfaces, and the choice of one friction rule for a whole world.
 
 use nalgebra::Vector3;
 
@@ -7,7 +7,7 @@ use super::{Ground, Object, World, WorldError};
 use crate::{FrictionCombine, Grain, Softness};
 
 impl Softness {
-    /// Checks every value of the surface. `owner` is its name in error messages.
+    /// Checks every value of the surface. Error messages call the surface `owner`.
     ///
     /// # Errors
     ///
@@ -19,7 +19,7 @@ impl Softness {
 }
 
 impl Grain {
-    /// Checks every value of the surface. `owner` is its name in error messages.
+    /// Checks every value of the surface. Error messages call the surface `owner`.
     ///
     /// # Errors
     ///

@@ -1,4 +1,4 @@
-//! The table of a world as parsed: defines its keys.
+//! The keys that describe a world in TOML.
 
 use std::path::PathBuf;
 

@@ -10,7 +10,7 @@ use crate::{FrictionCombine, Grain, Softness};
 
 /// A horizontal plane, solid below.
 ///
-/// A treadmill that runs backwards under a robot:
+/// The following ground is a treadmill that runs backwards under a robot:
 ///
 /// ```
 /// use motorium_worlds::World;
@@ -23,23 +23,23 @@ use crate::{FrictionCombine, Grain, Softness};
 pub struct Ground {
     /// Height of the plane (m).
     pub height: f64,
-    /// Coefficient of friction, default 0.8. A surface with 0 is frictionless against every surface without a
-    /// `friction_combine`.
+    /// Coefficient of friction, default 0.8. A surface with friction 0 is frictionless against every surface
+    /// without a `friction_combine`.
     #[schemars(range(min = 0.0))]
     pub friction: f64,
     /// Rule by which the friction coefficients of two surfaces combine. Default: the mean if the friction is
     /// above 0, otherwise the product.
     pub friction_combine: Option<FrictionCombine>,
     /// Coefficient of torsional friction (m): maximum torque about the contact normal per normal force. A
-    /// contact uses the mean of both surfaces. Default 0.
+    /// contact uses the mean value of both surfaces. Default 0.
     #[schemars(range(min = 0.0))]
     pub torsional_friction: f64,
     /// Coefficient of rolling friction (m): maximum torque against rolling per normal force. A contact uses
-    /// the mean of both surfaces. Default 0.
+    /// the mean value of both surfaces. Default 0.
     #[schemars(range(min = 0.0))]
     pub rolling_friction: f64,
-    /// Fraction of the approach speed kept after an impact, from 0 to 1. A contact uses the mean of both
-    /// surfaces. Default 0.
+    /// Fraction of the approach speed kept after an impact, from 0 to 1. A contact uses the mean value of
+    /// both surfaces. Default 0.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub restitution: f64,
     /// Tangential motion of the surface, as on a treadmill. Default: at rest.
@@ -69,7 +69,8 @@ impl Default for Ground {
 
 /// A surface that moves tangentially while its body stays in place, like a conveyor belt.
 ///
-/// Friction accelerates objects on it until they move with it. Its speed does not depend on the load.
+/// Friction accelerates objects until they move with the surface. The speed of the surface does not depend on
+/// the load.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Conveyor {
@@ -97,8 +98,8 @@ pub struct Conveyor {
 pub struct Object {
     /// Name, unique in the world; not `ground`, `terrain` or the name of a robot link.
     pub name: String,
-    /// Shape of uniform density, centred on the object's origin. A mesh keeps the origin of its file, a
-    /// compound the origin of its parts.
+    /// Shape of uniform density, centred on the object's origin. A mesh keeps the origin of its file; a
+    /// compound keeps the common origin of its parts.
     pub shape: ObjectShape,
     /// Mass (kg). An object with neither a mass nor a density is fixed.
     #[serde(default)]
@@ -113,14 +114,14 @@ pub struct Object {
     /// Orientation: roll, pitch, yaw about the fixed axes x, y, z, in this order (rad).
     #[serde(default)]
     pub rpy: [f64; 3],
-    /// Initial velocity of its centre of mass, world axes (m/s). Default: at rest.
+    /// Initial velocity of the object's centre of mass, world axes (m/s). Default: at rest.
     #[serde(default)]
     pub velocity: [f64; 3],
     /// Initial angular velocity, world axes (rad/s).
     #[serde(default)]
     pub angular_velocity: [f64; 3],
-    /// Coefficient of friction, default 0.8. A surface with 0 is frictionless against every surface without a
-    /// `friction_combine`.
+    /// Coefficient of friction, default 0.8. A surface with friction 0 is frictionless against every surface
+    /// without a `friction_combine`.
     #[serde(default = "default_friction")]
     #[schemars(range(min = 0.0))]
     pub friction: f64,
@@ -129,17 +130,17 @@ pub struct Object {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub friction_combine: Option<FrictionCombine>,
     /// Coefficient of torsional friction (m): maximum torque about the contact normal per normal force. A
-    /// contact uses the mean of both surfaces. Default 0.
+    /// contact uses the mean value of both surfaces. Default 0.
     #[serde(default)]
     #[schemars(range(min = 0.0))]
     pub torsional_friction: f64,
     /// Coefficient of rolling friction (m): maximum torque against rolling per normal force. A contact uses
-    /// the mean of both surfaces. Default 0.
+    /// the mean value of both surfaces. Default 0.
     #[serde(default)]
     #[schemars(range(min = 0.0))]
     pub rolling_friction: f64,
-    /// Fraction of the approach speed kept after an impact, from 0 to 1. A contact uses the mean of both
-    /// surfaces. Default 0.
+    /// Fraction of the approach speed kept after an impact, from 0 to 1. A contact uses the mean value of
+    /// both surfaces. Default 0.
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 1.0))]
     pub restitution: f64,
@@ -158,13 +159,13 @@ pub struct Object {
     /// Direction-dependent friction. Default: the same in all directions.
     #[serde(default)]
     pub grain: Option<Grain>,
-    /// Copies in a regular pattern, called `NAME_0`, `NAME_1` and so on. After parsing, each is a separate
-    /// object.
+    /// Copies in a regular pattern, called `NAME_0`, `NAME_1` and so on. After parsing, each copy is a
+    /// separate object.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub copies: Option<Copies>,
 }
 
-/// Copies of an object in rows, columns and layers along its own axes.
+/// Copies of an object in rows, columns and layers along the object's own axes.
 ///
 /// ```
 /// use motorium_worlds::World;

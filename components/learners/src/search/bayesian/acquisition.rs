@@ -8,8 +8,8 @@ use serde::{Deserialize, Serialize};
 /// deviations of the rewards.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Acquisition {
-    /// Expected improvement over the sum of the best reward and this margin, at least 0. The default, with a
-    /// margin of 0.01.
+    /// Expected improvement over the sum of the best reward and this margin, at least 0. This function is the
+    /// default, with a margin of 0.01.
     ExpectedImprovement(f64),
     /// Mean plus this number of standard deviations, at least 0. A common value is 2.576.
     UpperConfidence(f64),

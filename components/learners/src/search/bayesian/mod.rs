@@ -56,10 +56,11 @@ pub struct BayesianSettings {
     /// Number of points at which the acquisition function is evaluated before the local search, at least 1.
     /// Default 2000.
     pub points: usize,
-    /// Number of the best of these points that a local search improves, at least 1. Default 5.
+    /// Number of local searches, at least 1. Each local search starts at one of the points with the largest
+    /// acquisition. Default 5.
     pub starts: usize,
-    /// Number of rewards between two fits of the hyperparameters, at least 1. Default 5. In between, each
-    /// reward is added to the model in `O(n^2)`.
+    /// Number of rewards between two fits of the hyperparameters, at least 1. Default 5. Between two fits,
+    /// each reward is added to the model in `O(n^2)`.
     pub refit: usize,
 }
 
@@ -82,11 +83,11 @@ type Feasible = Arc<dyn Fn(&[f64]) -> bool + Send + Sync>;
 /// A search that models the reward by a Gaussian process and evaluates the point with the largest
 /// [`Acquisition`].
 ///
-/// The process has a Matern 5/2 kernel (or another [`Smoothness`]) with one length scale per parameter.
-/// Parameters are scaled to the unit box, and rewards are standardised. The hyperparameters maximise the
-/// marginal likelihood with log-normal priors: length scales around 0.5 and a variance around 1, both with a
-/// standard deviation of 1 in the logarithm. Simultaneous candidates are chosen one after the other, each as
-/// if the pending candidates had returned their predicted mean.
+/// The process has a Matern 5/2 kernel (or the kernel of another [`Smoothness`]) with one length scale per
+/// parameter. Parameters are scaled to the unit box, and rewards are standardised. The hyperparameters
+/// maximise the marginal likelihood with log-normal priors: length scales around 0.5 and a variance around 1,
+/// both with a standard deviation of 1 in the logarithm. Simultaneous candidates are chosen one after the
+/// other, each as if the pending candidates had returned their predicted mean.
 ///
 /// Sources: Snoek, Larochelle, Adams, *Practical Bayesian optimization of machine learning algorithms*, NIPS
 /// 2012; whole numbers after Garrido-Merchan, Hernandez-Lobato, *Dealing with categorical and integer-valued
@@ -153,7 +154,7 @@ impl core::fmt::Debug for BayesianOptimisation {
 }
 
 impl BayesianOptimisation {
-    /// Creates a search within bounds, with one pair of bounds per parameter.
+    /// Creates a search within bounds. There is one pair of bounds per parameter.
     ///
     /// # Errors
     ///

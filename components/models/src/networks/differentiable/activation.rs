@@ -178,7 +178,7 @@ impl Function {
     }
 }
 
-/// A layer that applies a function to each number of rows of `width`.
+/// A layer that applies a function to each number. Each row has `width` numbers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Activation {
     /// Number of values per row.

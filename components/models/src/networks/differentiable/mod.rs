@@ -1,8 +1,9 @@
 //! Layers with backward passes, generic over the scalar type: `f32` for training, `f64` to check gradients.
 //!
-//! A layer contains only sizes. Its parameters are one slice, which can be updated by an optimiser, stored in
-//! a file and sent in a message. The caller provides all buffers; only recurrent backward passes allocate (a
-//! row of gates). Sums have a fixed order, so training is reproducible bit for bit.
+//! A layer contains only sizes. The parameters of a layer are one slice, which an optimiser can update, and
+//! which can be stored in a file or sent in a message. The caller provides all buffers; only recurrent
+//! backward passes allocate (a row of gates). Sums have a fixed order, so training is reproducible bit for
+//! bit.
 //!
 //! ```
 //! use motorium_models::networks::differentiable::{Backward, Forward, Layer, Linear};
@@ -47,9 +48,9 @@ pub struct Forward<'a, T> {
     pub parameters: &'a [T],
     /// Rows of inputs.
     pub input: &'a [T],
-    /// Rows of outputs, to be written.
+    /// Buffer to which the rows of outputs are written.
     pub output: &'a mut [T],
-    /// Values stored for the backward pass, [`Layer::trace`] per row.
+    /// Values stored for the backward pass: [`Layer::trace`] values for each row.
     pub trace: &'a mut [T],
 }
 
@@ -66,9 +67,9 @@ pub struct Backward<'a, T> {
     pub trace: &'a [T],
     /// Gradient of the loss with respect to the outputs.
     pub gradient: &'a [T],
-    /// Gradient of the loss with respect to the inputs, to be written.
+    /// Buffer to which the gradient of the loss with respect to the inputs is written.
     pub input_gradient: &'a mut [T],
-    /// Gradient of the loss with respect to the parameters, to which the result is added.
+    /// Buffer to which the gradient of the loss with respect to the parameters is added.
     pub parameter_gradient: &'a mut [T],
 }
 
@@ -84,14 +85,14 @@ pub trait Layer {
     fn trace(&self) -> usize {
         0
     }
-    /// Computes the outputs.
+    /// Computes the outputs from the inputs and the parameters.
     fn forward<T: Real>(&self, pass: Forward<'_, T>);
-    /// Computes the gradients.
+    /// Computes the gradients of the loss with respect to the inputs and the parameters.
     fn backward<T: Real>(&self, pass: Backward<'_, T>);
 }
 
-/// Computes `bias + weights * input` for one row; weights (outputs x inputs), sums in the order of the
-/// inputs.
+/// Computes `bias + weights * input` for one row. `weights` is stored row by row (outputs x inputs), and
+/// products are added in the order of the inputs.
 fn affine<T: Real>(weights: &[T], bias: &[T], input: &[T], output: &mut [T]) {
     for ((row, bias), output) in weights.chunks_exact(input.len()).zip(bias).zip(output) {
         *output = row.iter().zip(input).fold(*bias, |sum, (w, x)| w.mul_add(*x, sum));

@@ -14,8 +14,8 @@ pub struct LayerNorm {
 }
 
 /// A layer that normalises each column to mean 0 and variance 1 over the rows of the batch, then applies a
-/// factor and an offset to each column. Parameters: all factors, then all offsets. For inference use running
-/// statistics, as in `BatchNormalization` of ONNX.
+/// factor and an offset to each column. Parameters: all factors, then all offsets. For inference, use running
+/// statistics instead of the statistics of a batch, as `BatchNormalization` of ONNX does.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BatchNorm {
     /// Number of values per row.

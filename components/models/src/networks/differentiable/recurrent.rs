@@ -3,7 +3,8 @@
 use super::{Backward, Forward, Layer, affine, affine_backward};
 use crate::arithmetic::Real;
 
-/// A gated recurrent unit over a sequence (reset gate after the recurrent product, as in PyTorch).
+/// A layer of gated recurrent units over a sequence. The reset gate scales the recurrent product, as in
+/// PyTorch.
 ///
 /// A row of inputs is the initial state (hidden), then the inputs of each step. A row of outputs is the state
 /// after each step. Parameters: input weights (3 hidden x inputs), state weights (3 hidden x hidden), input
@@ -18,7 +19,7 @@ pub struct Gru {
     pub steps: usize,
 }
 
-/// A long short-term memory over a sequence.
+/// A layer of long short-term memory units over a sequence.
 ///
 /// A row of inputs is the initial state (hidden), the initial cell state (hidden), then the inputs of each
 /// step. A row of outputs is the state after each step, then the last cell state. Parameters: input weights

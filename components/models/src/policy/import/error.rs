@@ -84,7 +84,7 @@ pub enum ImportError {
         "the file has no scale of the height scan; help: pass it with `--height-scale`: 1 / `max_distance` of the sensor in the tasks of mjlab"
     )]
     HeightScale,
-    /// Settings of a height scan are given for a network without one.
+    /// Settings of a height scan are given for a network without a height scan.
     #[error(
         "the file has no height scan; help: remove `--height-points`, `--height-scale` and `--height-offset`"
     )]
@@ -148,7 +148,7 @@ pub enum ImportError {
         /// Name of the joint.
         joint: String,
     },
-    /// The outputs of the network depend on the heading of the base.
+    /// The outputs of the network depend on the heading of the base, which is not observed.
     #[error(
         "the actions depend on the heading of the base in `{input}`, which no topic provides; help: train with `projected_gravity` in place of the orientation"
     )]
@@ -209,19 +209,20 @@ fn known() -> String {
     TERMS.map(|(name, _)| name).join(", ")
 }
 
-/// Import settings that the metadata of an ONNX file lack.
+/// Import settings for properties of a policy that are missing in the metadata of its ONNX file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ImportOptions {
     /// Rate of the policy \[Hz\].
     pub rate: f64,
-    /// Number of steps of history of each term; `None` means the number in the file, or 1.
+    /// Number of steps of history of each term; `None` means the number in the file, or 1 if the file
+    /// contains no number.
     pub history: Option<usize>,
     /// Robot for which the policy was trained.
     pub robot: Option<String>,
     /// Number of points of the height scan along x and y; `None` means 17 x 11 for 187 points, the grid of
     /// mjlab's velocity tasks.
     pub height_points: Option<[usize; 2]>,
-    /// Factor of the height scan, for a file without factors.
+    /// Factor of the height scan, if the file contains no factors.
     pub height_scale: Option<f64>,
     /// Offset subtracted from the height of the sensor above the surface \[m\]; `None` means 0, as in mjlab.
     pub height_offset: Option<f64>,

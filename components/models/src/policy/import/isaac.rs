@@ -1,9 +1,9 @@
 //! Import of policies of Isaac Lab 2: an ONNX file with the descriptions of its inputs and outputs.
 //!
 //! `IO_descriptors.yaml` (`--export_io_descriptors` of Isaac Lab 2.2 and 2.3,
-//! `isaaclab/envs/utils/io_descriptors.py`) lists action and observation terms in order. Its stiffness and
-//! damping are 0 for actuators computed by Isaac Lab itself; `params/env.yaml` of the training run contains
-//! them.
+//! `isaaclab/envs/utils/io_descriptors.py`) lists action and observation terms in order. In this file,
+//! stiffness and damping are 0 for actuators that Isaac Lab computes itself. Their values are in
+//! `params/env.yaml` of the training run.
 
 use super::names::Pattern;
 use super::served::{self, Served};
@@ -97,7 +97,7 @@ pub struct ObservationDescriptor {
     pub history: usize,
     /// `true` if the steps are concatenated to one row, `false` if they form an axis.
     pub is_flat: bool,
-    /// `true` if values pass through further functions, which are not supported.
+    /// `true` if modifier functions are applied to the values, which is not supported.
     pub has_modifiers: bool,
 }
 
@@ -116,7 +116,7 @@ pub struct Articulation {
     pub damping: Vec<f64>,
 }
 
-/// Description of the robot and the rate in an `env.yaml`.
+/// Description of the robot and of the policy's rate in an `env.yaml`.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Environment {
     /// Position of `decimation` in the file.
@@ -197,7 +197,7 @@ fn parse(mark: Mark, pattern: &str) -> Result<Pattern, ImportError> {
     Pattern::parse(pattern).map_err(|defect| {
         mark.entry(
             pattern,
-            format!("{defect}, expected a pattern of joint names; help: write the joints out"),
+            format!("{defect}, expected a pattern of joint names; help: write out the names of the joints"),
         )
     })
 }
@@ -328,8 +328,8 @@ fn action(descriptors: &Descriptors, environment: Option<&Environment>) -> Resul
         let clip = clip(term)?;
         let (first_kind, first_clip) = *common.get_or_insert((kind, clip));
         if (kind, clip) != (first_kind, first_clip) {
-            let message =
-                "another kind or other bounds than the terms before, expected the same for all joints";
+            let message = "the kind or the bounds differ from the previous terms, expected the same kind and \
+                 bounds for all joints";
             return Err(term.mark.entry(class, message));
         }
         let count = term.joints.len();
@@ -452,10 +452,13 @@ fn observation(
         return Err(ImportError::Observation { mark: term.mark, name: name.to_owned(), expected });
     };
     if term.has_modifiers {
-        return wrong("modifiers", "found functions of the values, expected none".to_owned());
+        return wrong("modifiers", "found modifier functions, which are not supported".to_owned());
     }
     if term.history > 1 && !term.is_flat {
-        return wrong("flatten_history_dim", "found false, expected the history in a row".to_owned());
+        return wrong(
+            "flatten_history_dim",
+            "found false, expected a history that is concatenated to one row".to_owned(),
+        );
     }
     if *quantity == Term::HeightScan {
         return height_scan(term, environment);
@@ -516,8 +519,8 @@ fn observation(
 }
 
 /// Creates a policy and its network from an ONNX file of Isaac Lab 2 and its descriptors. Joints are matched
-/// by name. If an observation lists joints in another order than the action, the network is rewritten to read
-/// them in the order of the action.
+/// by name. If the order of joints in an observation differs from their order in the action, the network is
+/// rewritten to read joints in the order of the action.
 ///
 /// # Errors
 ///
@@ -555,7 +558,8 @@ pub fn import_isaac(
     let served = terms.iter().map(|term| {
         let served = observation(term, &action, environment)?;
         if action.clip.is_some() && served.observation.term == Term::LastAction {
-            let message = "the action has bounds and its terms observe it without them, expected no bounds";
+            let message =
+                "the action has bounds, but its terms observe the action without bounds, expected no bounds";
             return Err(term.mark.entry("last_action", message));
         }
         Ok(served)

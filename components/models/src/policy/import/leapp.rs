@@ -2,13 +2,13 @@
 //!
 //! A bundle is a YAML file, the ONNX file of one network, and the initial values of its recurrent states in
 //! safetensors. The network reads measured quantities and writes joint targets: it applies scales and offsets
-//! and stores the last action itself. The import rewrites it to read one observation and to write targets
-//! relative to the default pose.
+//! and stores the last action itself. The import rewrites the network to read one observation and to write
+//! targets relative to the default pose.
 //!
 //! Sources: LEAPP 0.7.2 (`leapp.compile_graph`, kinds of `leapp/utils/enums.py`);
 //! `isaaclab/utils/leapp/{export_annotator, utils}.py` of Isaac Lab 3.0 (`isaaclab_connection`), and
 //! `isaaclab/sensors/ray_caster/base_ray_caster_data.py` for height scans: a network reads the position of
-//! the sensor and of each hit in the world, and computes their difference itself.
+//! the sensor and of each hit in the world, and computes the difference of the two itself.
 
 use super::isaac::{common_number, gains, shortest};
 use super::{Articulation, Environment, ImportError, Mark, NETWORK};
@@ -58,8 +58,8 @@ pub struct Bundle {
     pub models: Vec<BundleModel>,
     /// Position of `pipeline` in the file.
     pub pipeline: Mark,
-    /// Outputs that are fed back to inputs for the next run: the name of each output, as `model/output`, with
-    /// the names of the inputs.
+    /// Outputs that are fed back to inputs for the next run. Each entry contains the name of an output, such
+    /// as `model/output`, and the names of the inputs.
     pub feedback: Vec<(String, Vec<String>)>,
     /// Path of the file with the initial values of the inputs in `feedback`.
     pub initial_values: Option<String>,
@@ -70,7 +70,7 @@ pub struct Bundle {
 /// A network of a bundle.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct BundleModel {
-    /// Position of the backend in the file.
+    /// Position of the key `backend` in the file.
     pub mark: Mark,
     /// Name of the network.
     pub name: String,
@@ -80,9 +80,9 @@ pub struct BundleModel {
     pub path: String,
     /// SHA-256 of the file as hexadecimal digits.
     pub sha256: Option<String>,
-    /// Inputs, in order.
+    /// Inputs, in the order of the network.
     pub inputs: Vec<BundlePort>,
-    /// Outputs, in order.
+    /// Outputs, in the order of the network.
     pub outputs: Vec<BundlePort>,
 }
 
@@ -99,7 +99,7 @@ pub struct BundlePort {
     pub shape: Vec<usize>,
     /// Physical quantity of the tensor.
     pub kind: Option<String>,
-    /// Source or destination in Isaac Lab.
+    /// Source or destination of the tensor in Isaac Lab.
     pub connection: Option<String>,
     /// Names of the elements along the last axis.
     pub elements: Option<Vec<String>>,
@@ -163,7 +163,7 @@ impl Bundle {
     ///
     /// # Errors
     ///
-    /// [`ImportError`] if no output commands joints, or several do.
+    /// [`ImportError`] if not exactly one output commands joints.
     pub fn joints(&self) -> Result<&[String], ImportError> {
         self.target().and_then(|(port, _)| port.joints())
     }

@@ -85,7 +85,11 @@ impl Settings<'_> {
                 return Err(self.wrong(term, HISTORY, message));
             }
             if steps > 1 && flat.as_ref().is_some_and(|flat| flat[term] == [0.0]) {
-                return Err(self.wrong(term, FLAT, "found 0, expected the history in a row"));
+                return Err(self.wrong(
+                    term,
+                    FLAT,
+                    "found 0, expected a history that is concatenated to one row",
+                ));
             }
             Ok(steps)
         });

@@ -6,7 +6,8 @@
 //!   Numbers in the metadata have three decimals.
 //! - [`import_isaac`]: the ONNX file of Isaac Lab 2 with its `IO_descriptors.yaml` and `env.yaml`.
 //! - [`import_leapp`]: a LEAPP bundle of Isaac Lab 3.
-//! - [`import_weights`]: the safetensors of rsl_rl, Stable-Baselines3 or CleanRL, with a handwritten table.
+//! - [`import_weights`]: weights of rsl_rl, Stable-Baselines3 or CleanRL in a safetensors file, and a
+//!   handwritten table that describes the policy.
 
 mod error;
 mod isaac;

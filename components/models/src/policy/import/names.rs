@@ -22,7 +22,7 @@ struct Piece {
 #[derive(Clone, Debug)]
 enum Atom {
     Any,
-    /// Ranges of characters, and `true` if the others match.
+    /// Ranges of characters, and `true` if the characters outside these ranges match.
     Class(Vec<(char, char)>, bool),
     Group(Pattern),
 }
@@ -39,7 +39,7 @@ impl Pattern {
         let pattern = choices(&mut rest, 0)?;
         match rest.pop() {
             None => Ok(pattern),
-            Some(found) => Err(format!("found `{found}` without its opening")),
+            Some(found) => Err(format!("found `{found}` without an opening bracket")),
         }
     }
 

@@ -1,4 +1,4 @@
-//! Observation terms whose order or zero in the network differs from motorium's.
+//! Observation terms whose order or zero point in an imported network differs from motorium's.
 
 use super::error::ImportError;
 use crate::onnx::{Adapter, Model, Part};
@@ -53,7 +53,8 @@ pub(super) fn finish(
     Ok((policy, network))
 }
 
-/// Grid of a height scanner of Isaac Lab or mjlab, with the offset of its observation.
+/// Grid of points at which a height scanner of Isaac Lab or mjlab measures, with the offset of the observed
+/// heights.
 ///
 /// Both programs observe the height of the sensor above the surface minus an offset (`height_scan` in
 /// `isaaclab/envs/mdp/observations.py` and `mjlab/envs/mdp/observations.py`), whereas motorium observes the
@@ -70,14 +71,15 @@ pub struct HeightGrid {
 
 impl HeightGrid {
     /// Creates a grid from its lengths along x and y and the distance between points \[m\], like
-    /// `grid_pattern` of Isaac Lab. `is_along_x` is `true` for the ordering `xy`. `offset` is in m.
+    /// `grid_pattern` of Isaac Lab. `is_along_x` is `true` for the ordering `xy`. `offset` is the offset of
+    /// the observed heights \[m\].
     pub fn new(size: [f64; 2], resolution: f64, is_along_x: bool, offset: f64) -> Self {
         let points = size.map(|length| (length / resolution + 1e-6).clamp(0.0, 999.0) as usize + 1);
         Self { points, is_along_x, offset }
     }
 
     /// Creates a grid from the numbers of points along x and y, in the order of mjlab's `GridPatternCfg`
-    /// (ordering `xy`). `offset` is in m.
+    /// (ordering `xy`). `offset` is the offset of the observed heights \[m\].
     pub fn from_points(points: [usize; 2], offset: f64) -> Self {
         Self { points, is_along_x: true, offset }
     }

@@ -1,4 +1,4 @@
-//! Import of weights with a handwritten table.
+//! Import of a policy from a file of weights and a handwritten table that describes the policy.
 
 use serde::Deserialize;
 
@@ -36,8 +36,8 @@ struct Normaliser {
     epsilon: f64,
 }
 
-/// Creates a policy and its network, as an ONNX file, from weights and a table. The table is a `policy.toml`
-/// without `network` and with an additional table `weights`:
+/// Creates a policy from weights and a table. Returns the policy and the bytes of its network as an ONNX
+/// file. The table is a `policy.toml` without `network` and with an additional table `weights`:
 ///
 /// ```toml
 /// [weights]
@@ -59,7 +59,7 @@ pub fn import_weights(file: &Tensors, table: &str) -> Result<(Policy, Vec<u8>), 
     let weights = table.remove("weights").ok_or_else(missing)?;
     let Weights { layers: names, activation, normaliser } = weights.try_into().map_err(wrong)?;
     if table.insert("network".to_owned(), NETWORK.into()).is_some() {
-        return Err(unusable("network", "expected to be missing: the import writes it"));
+        return Err(unusable("network", "expected no value, because the import writes it"));
     }
     let policy: Policy = table.try_into().map_err(wrong)?;
     policy.check()?;

@@ -1,4 +1,4 @@
-//! Warm start: the impulses of the last step, which are the initial guess of the next.
+//! Warm start: the impulses of the last step, which are the initial guess for the next step.
 
 use super::Impulses;
 

@@ -31,7 +31,7 @@ impl ContactScene {
         self.objects.wake();
     }
 
-    /// Removes the connections between two parts. Returns `false` if they have none.
+    /// Removes the connections between two parts. Returns `false` if the parts are not connected.
     pub(crate) fn disconnect(&mut self, members: [Member; 2]) -> bool {
         self.objects.wake();
         // The parts may be near each other, and their distance has not been checked.

@@ -19,10 +19,11 @@ use crate::component::robot::Mount;
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct BlobConfig {
-    /// Mount of the camera on the robot or in the `world`; the camera looks along x. Default: the root link.
+    /// Mount of the camera on the robot or in the `world`; the camera looks along its x axis. Default: the
+    /// root link.
     #[serde(default)]
     pub camera: Mount,
-    /// Colour of the object: red, green and blue, 0 to 1. Brightness is ignored.
+    /// Colour of the object: red, green and blue, 0 to 1. The brightness of this colour is ignored.
     pub colour: [f64; 3],
     /// Maximum angle between the colour of a pixel and `colour` as vectors (rad). Default 0.15.
     #[serde(default = "tolerance")]
@@ -33,8 +34,8 @@ pub struct BlobConfig {
     /// Minimum number of pixels of an object. Default 8.
     #[serde(default = "least_pixels")]
     pub least_pixels: u32,
-    /// Radius of the object, assumed to be a sphere (m). Its distance is computed from this radius. Default:
-    /// the object is at `distance`.
+    /// Radius of the object, assumed to be a sphere (m). The distance to the object is computed from this
+    /// radius. Default: the object is assumed at `distance`.
     #[serde(default)]
     pub radius: Option<f64>,
     /// Assumed distance to the object if `radius` is not set (m). Default 1.

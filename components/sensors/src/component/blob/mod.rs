@@ -18,8 +18,8 @@ use history::PoseHistory;
 /// Capacity of the image queue.
 const PICTURES: usize = 2;
 
-/// A component that detects a coloured object in each image and publishes its position in the world. It
-/// publishes at its own rate.
+/// A component that detects a coloured object in each image and publishes the object's position in the world.
+/// The component publishes at its own rate.
 ///
 /// Images arrive with a delay, so the camera pose at the time of exposure is used. The published position is
 /// extrapolated to the time of the step with the estimated velocity.

@@ -33,16 +33,18 @@ pub struct BaseEstimatorConfig {
     /// Duration of the initial alignment, during which the robot must stand still. Tilt and gyroscope bias
     /// are initialised with the mean of the readings during this time. Default 100 ms.
     pub align: TimeSpan,
-    /// Minimum duration of a contact before the foot is used, since it may slip at touchdown. Default 10 ms.
+    /// Minimum duration of a contact before the foot is used, because a foot may slip at touchdown. Default
+    /// 10 ms.
     pub contact_delay: TimeSpan,
-    /// `true` if feet with a radius roll on level ground, `false` if they are points. Default true.
+    /// `true` if feet with a radius roll on level ground, `false` if feet are treated as points. Default
+    /// true.
     pub rolling: bool,
-    /// Gravitational acceleration (m/s^2). Default: the value in the graph's `[world]`, else standard
+    /// Gravitational acceleration (m/s^2). Default: the value in the graph's `[world]`, otherwise standard
     /// gravity.
     pub gravity: [f64; 3],
 }
 
-/// Initial pose of the base. The tilt is measured.
+/// Initial pose of the base. Roll and pitch are measured during the initial alignment.
 ///
 /// ```toml
 /// position = [0.0, 0.0, 0.24]

@@ -16,8 +16,8 @@ use crate::estimation::{ContactKinematics, FilterState, InvariantFilter};
 
 /// A component that estimates the pose and velocity of a legged robot's base with an [`InvariantFilter`].
 ///
-/// Each IMU reading propagates the filter. Feet in contact correct it, using the latest joint state and
-/// contacts.
+/// Each IMU reading propagates the filter. Feet in contact correct the filter, using the latest joint state
+/// and contacts.
 pub struct BaseEstimator {
     imu: Input<ImuSample>,
     joints: Input<JointState>,

@@ -12,8 +12,8 @@ use crate::channel::{Channel, ErrorModel};
 use crate::geodesy::{Geodetic, TangentPlane};
 use crate::randomise::{SensorDraw, SensorRanges};
 
-/// Configuration of `sensor.gps`. The world's z axis points up. Its x axis points east unless `heading`
-/// rotates it.
+/// Configuration of `sensor.gps`. The world's z axis points up, and the world's x axis points east unless
+/// `heading` is set.
 ///
 /// ```toml
 /// origin     = { latitude = 46.52, longitude = 6.57, altitude = 400.0 }

@@ -34,7 +34,7 @@ pub trait PlaceSensor: Sized + 'static {
 
     /// Returns the mount of the sensor.
     fn mount(config: &Self::Config) -> &Mount;
-    /// Creates the sensor from a seed, with the errors of an episode.
+    /// Creates the sensor with the errors `draw` of an episode. The seed determines the noise.
     ///
     /// # Errors
     /// A number is out of range.
@@ -49,7 +49,8 @@ pub trait PlaceSensor: Sized + 'static {
 #[derive(Clone, Copy, Debug)]
 pub struct PlaceMotion(Motion);
 
-/// The component of a [`PlaceSensor`]. It samples the true motion at its own rate or on its trigger.
+/// The component of a [`PlaceSensor`]. The component samples the true motion at its own rate or on its
+/// trigger.
 pub struct AtPlace<S: PlaceSensor> {
     motion: TrueMotion,
     output: Output<S::Message>,

@@ -29,8 +29,8 @@ sensor_config! {
     /// ```
     pub struct CameraConfig;
 
-    /// Mount of the camera on the robot or in the `world`. The camera looks along x; y points to the left of
-    /// the image, z to its top. Default: the root link.
+    /// Mount of the camera on the robot or in the `world`. The camera looks along its x axis; its y axis
+    /// points to the left of the image, and its z axis to the top. Default: the root link.
     mount: Mount = Mount::default();
     /// Ground and objects that the sensor sees, in a graph without a `[world]`.
     world: World = World::default();

@@ -27,8 +27,8 @@ sensor_config! {
     /// ```
     pub struct DepthCameraConfig;
 
-    /// Mount of the camera on the robot. The camera looks along x; y points to the left of the image, z to
-    /// its top. Default: the root link.
+    /// Mount of the camera on the robot. The camera looks along its x axis; its y axis points to the left of
+    /// the image, and its z axis to the top. Default: the root link.
     mount: Mount = Mount::default();
     /// Ground and objects that the sensor sees, in a graph without a `[world]`.
     world: World = World::default();
@@ -88,12 +88,12 @@ pub struct DepthCameraOutputs {
 }
 
 impl DepthCamera {
-    /// Returns the published depth of the depth in a reading \[m\]; 0 without a depth.
+    /// Converts a depth in a reading to the published depth \[m\], which is 0 if the reading has no depth.
     pub fn depth(&self, reading: f64) -> f32 {
         if reading <= self.most { reading as f32 } else { 0.0 }
     }
 
-    /// Returns the published grey level of the cosine in a reading; 0 without a surface.
+    /// Converts a cosine in a reading to the published grey level, which is 0 without a surface.
     pub fn grey(cosine: f64) -> u8 {
         if cosine < 0.0 { 0 } else { (SHADE.0 + SHADE.1 * cosine) as u8 }
     }

@@ -23,7 +23,7 @@ sensor_config! {
     /// ```
     pub struct HeightScanConfig;
 
-    /// Mount of the sensor on the robot. The grid is centred on it. Default: the root link.
+    /// Mount of the sensor on the robot. The grid is centred on the sensor. Default: the root link.
     mount: Mount = Mount::default();
     /// Ground and objects that the sensor sees, in a graph without a `[world]`.
     world: World = World::default();

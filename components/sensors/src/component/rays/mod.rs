@@ -47,7 +47,7 @@ pub trait RangeSensor: Sized + 'static {
     /// Output ports of the sensor.
     type Outputs;
 
-    /// Creates the sensor from a seed, with the errors of an episode.
+    /// Creates the sensor with the errors `draw` of an episode. The seed determines the noise.
     ///
     /// # Errors
     /// A number is out of range.
@@ -72,8 +72,8 @@ pub trait RangeSensor: Sized + 'static {
     fn publish(&self, values: &[f64], source: u64, outputs: &mut Self::Outputs) -> Result<(), StepError>;
 }
 
-/// The component of a [`RangeSensor`]. It samples the true state of robot and world at its own rate or on its
-/// trigger.
+/// The component of a [`RangeSensor`]. The component samples the true state of robot and world at its own
+/// rate or on its trigger.
 pub struct AlongRays<S: RangeSensor> {
     view: View,
     outputs: S::Outputs,

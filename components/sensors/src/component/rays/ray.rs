@@ -23,7 +23,7 @@ sensor_config! {
     /// ```
     pub struct RayConfig;
 
-    /// Mount of the sensor on the robot. The ray points along x. Default: the root link.
+    /// Mount of the sensor on the robot. The ray points along the sensor's x axis. Default: the root link.
     mount: Mount = Mount::default();
     /// Ground and objects that the sensor sees, in a graph without a `[world]`.
     world: World = World::default();

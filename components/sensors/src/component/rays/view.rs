@@ -15,7 +15,7 @@ use super::looks::looks;
 use crate::rendering::Looks;
 use crate::scenery::{Scenery, solids};
 
-/// Mount of a sensor, and the world it sees.
+/// Mount of a sensor, and the world that the sensor sees.
 #[derive(Clone, Copy, Debug)]
 pub struct Seen<'a> {
     /// Mount of the sensor on the robot.

@@ -24,7 +24,8 @@ pub struct ContactKinematics {
     pub covariance: Matrix3<f64>,
 }
 
-/// State of the filter without the feet: pose, velocity and biases of the inertial measurement unit.
+/// State of the filter without the positions of the feet: pose, velocity and biases of the inertial
+/// measurement unit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FilterState {
     /// Orientation of the sensor in the world.
@@ -55,16 +56,16 @@ impl Default for FilterState {
 /// an inertial measurement unit, joint encoders and the contacts of its feet.
 ///
 /// The state `X = (R, v, p, d_1 .. d_K)` in `SE_(K+2)(3)` holds orientation, velocity and position of the
-/// sensor in the world and the positions of the feet on the ground. It is augmented by the biases of both
-/// sensors. Between readings `omega`, `f`
+/// sensor in the world and the positions of the feet on the ground. The state also contains the biases of
+/// gyroscope and accelerometer. Between readings `omega`, `f`
 ///
 /// ```text
 /// dR/dt = R (omega - b_g - w_g)^      dv/dt = R (f - b_a - w_a) + g      dp/dt = v      dd/dt = R w_d
 /// ```
 ///
 /// integrated exactly for readings that are constant over a step. The error is right-invariant,
-/// `X_est X^-1 = exp(xi)`, in world axes. Its linear dynamics do not depend on the state, except for the
-/// biases. A foot on the ground measures `R' (d - p)`, the forward kinematics `h` of its joints; the
+/// `X_est X^-1 = exp(xi)`, in world axes. The linear dynamics of the error do not depend on the state, except
+/// for the biases. A foot on the ground measures `R' (d - p)`, the forward kinematics `h` of its joints; the
 /// innovation `R h - (d - p)` is linear in `xi` with a constant matrix. The linearisation therefore adds no
 /// spurious information: position and yaw, which contacts cannot observe, stay uncertain.
 ///
@@ -118,7 +119,7 @@ impl InvariantFilter {
         filter
     }
 
-    /// Restarts from a state with standard deviations, with all feet in the air.
+    /// Restarts from a state with the given standard deviations. All feet are then in the air.
     pub fn start(&mut self, state: &FilterState, deviations: &StartDeviations) {
         self.state = *state;
         self.feet.fill(None);
@@ -144,8 +145,8 @@ impl InvariantFilter {
         }
     }
 
-    /// Propagates the state by `dt` \[s\] with the mean angular velocity \[rad/s\] and specific force
-    /// \[m/s2\] over that time, in sensor axes.
+    /// Propagates the state by `dt` \[s\]. The arguments are the mean angular velocity \[rad/s\] and the mean
+    /// specific force \[m/s2\] over that time, in sensor axes.
     pub fn propagate(&mut self, angular_velocity: &Vector3<f64>, specific_force: &Vector3<f64>, dt: f64) {
         let before = self.state;
         self.propagate_covariance(dt);
@@ -222,7 +223,8 @@ impl InvariantFilter {
     /// foot.
     ///
     /// # Errors
-    /// [`SingularInnovation`]; the filter is then unchanged.
+    /// [`SingularInnovation`] if the covariance of the innovation is not positive definite. The filter is
+    /// then unchanged.
     ///
     /// # Panics
     /// If `foot` is not the index of a foot.
@@ -294,7 +296,7 @@ impl InvariantFilter {
     }
 
     /// Moves the contact of a foot on the ground by a displacement in sensor axes \[m\], for round feet that
-    /// roll. No effect in the air.
+    /// roll. No effect on a foot in the air.
     pub fn roll(&mut self, foot: usize, distance: &Vector3<f64>) {
         if let Some(place) = &mut self.feet[foot] {
             *place += self.state.rotation * distance;
@@ -313,7 +315,8 @@ impl InvariantFilter {
         &self.state
     }
 
-    /// Returns the estimated position in the world \[m\] of a foot on the ground; `None` in the air.
+    /// Returns the estimated position in the world \[m\] of a foot on the ground; `None` for a foot in the
+    /// air.
     pub fn foot(&self, foot: usize) -> Option<Vector3<f64>> {
         self.feet[foot]
     }

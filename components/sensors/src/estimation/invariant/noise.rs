@@ -4,8 +4,8 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 
 /// Noise of the inertial measurement unit and of the contacts as densities: standard deviations per square
-/// root of hertz, or equivalently after one second. Readings with the standard deviation `s` at a rate `f`
-/// have the density `s / sqrt(f)`.
+/// root of hertz. Readings with the standard deviation `s` at a rate `f` have the density `s / sqrt(f)`,
+/// which is also the standard deviation of their integral after one second.
 ///
 /// ```toml
 /// gyroscope     = 1e-4

@@ -1,5 +1,5 @@
-//! Contacts of the geoms of a world: surfaces with their `condim`, and the pairs that cannot collide by
-//! `contype` and `conaffinity`.
+//! Contacts of the geoms of a world: the surface properties with the `condim` of each geom, and the pairs of
+//! geoms that `contype` and `conaffinity` exclude from collision.
 
 use motorium_robots::mjcf::{Attributes, Element, MjcfError, MjcfProblem, named};
 use roxmltree::Node;
@@ -107,7 +107,8 @@ impl<'a, 'i> Surfaces<'a, 'i> {
 const LARGEST_WITHOUT: [f64; 3] = [1.0, 3.0, 4.0];
 
 /// Reason in the warning about a direction that cannot be dropped.
-const FRICTION_STAYS: &str = "its contacts with another geom of a small condim have friction here";
+const FRICTION_STAYS: &str =
+    "contacts between this geom and another geom with a small condim have friction in a world";
 
 /// Iterates over the coefficients of friction of the ground, then of the objects.
 fn coefficients(world: &mut World) -> impl Iterator<Item = [&mut f64; 3]> {

@@ -1,4 +1,4 @@
-//! `<equality><connect>` and `<weld>` of bodies of a world: connections of its objects.
+//! Conversion of `<equality><connect>` and `<weld>` between bodies to connections between objects.
 
 use std::collections::HashMap;
 
@@ -37,7 +37,7 @@ pub(super) fn connections<'a, 'i>(
             "connect" => ConnectionKind::Ball,
             "weld" => ConnectionKind::Fixed,
             "joint" | "tendon" => {
-                let problem = "it couples joints, which belong to robots: a world has none";
+                let problem = "it couples joints, which belong to robots: a world has no joints";
                 return Err(attributes.error(node, MjcfProblem::Other(problem.to_owned())));
             }
             name => {

@@ -1,4 +1,4 @@
-//! Colours of the objects of a world, from their geoms.
+//! Colours of objects, read from the geoms of each object.
 
 use std::collections::BTreeMap;
 

@@ -65,19 +65,19 @@ const ON_FREE_JOINTS: [(&str, &str); 5] = [
 /// Sections of robots.
 const OF_ROBOTS: [&str; 3] = ["tendon", "actuator", "keyframe"];
 
-/// Reads MJCF `text` as a world. `file` is its path, which is used in messages and to find meshes next to it.
+/// Reads MJCF `text` as a world. `file` is the path of the text, which is used in messages and to find meshes
+/// in the same folder.
 ///
 /// Geoms of immovable bodies, including height fields, become fixed objects, and a level plane becomes the
 /// ground. A body with a free joint becomes a moving object of one or more shapes, with the masses of its
-/// geoms. Meshes collide with their convex hull, as in MuJoCo, and height fields with their triangles.
-/// Objects have the colours of their geoms. `<connect>` and `<weld>` become connections of objects. Bodies
-/// with other joints, and other elements that a world cannot contain, are rejected with their position.
+/// geoms. Meshes collide with their convex hull, as in MuJoCo, and height fields with their triangles. An
+/// object has the colour of its geoms. `<connect>` and `<weld>` become connections of objects. Bodies with
+/// other joints, and other elements that a world cannot contain, are rejected with their position.
 /// Non-colliding geoms without mass are skipped with a warning.
 ///
 /// # Errors
 ///
-/// [`MjcfError`], with the position in the text, if the text is not MJCF or contains an element that is
-/// rejected.
+/// [`MjcfError`], with the position in the text, if the text is not MJCF or contains a rejected element.
 ///
 /// ```
 /// let text = r#"<mujoco>

@@ -1,4 +1,4 @@
-//! Moving links: objects of one or more shapes, with the masses of their inertials.
+//! Moving links as objects of one or more shapes, with masses from the `<inertial>` elements.
 
 use motorium_robots::BasePose;
 use nalgebra::{Isometry3, Matrix3, UnitQuaternion};

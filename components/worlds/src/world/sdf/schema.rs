@@ -1,4 +1,5 @@
-//! SDF elements that a world cannot contain, and their treatment. Elements without an entry are rejected.
+//! SDF elements that a world cannot contain, and the treatment of each element. Elements without an entry are
+//! rejected.
 
 use roxmltree::Node;
 
