@@ -150,7 +150,7 @@ fn trot_swings_its_diagonals_alternately() {
 #[test]
 fn invalid_planners_are_rejected_with_their_key() {
     let with = |table: &str| standing([0.0; 3]).with(planner(table));
-    refused(with("{ horizon = { steps = 0 } }"), &["horizon.steps", "from 1 to 40"]);
+    refused(with("{ horizon = { steps = 0 } }"), &["horizon.steps", "expected 1 to 40"]);
     refused(with("{ horizon = { step = \"2 s\" } }"), &["horizon.step"]);
     refused(with("{ gravity = [1.0, 0.0, -9.81] }"), &["gravity", "along -z"]);
     refused(with("{ velocity = [0.5, 0.0, 0.0] }"), &["velocity", "without a gait"]);
