@@ -387,6 +387,6 @@ mod tests {
         let column =
             |name: &str, rows: usize| Column { name: name.to_string(), values: Values::Int64(vec![7; rows]) };
         let error = write(&mut Vec::new(), &[column("a", 3), column("b", 2)], &[3], &[]).unwrap_err();
-        assert_eq!(error.to_string(), "column `b` has 2 rows, the table 3");
+        assert_eq!(error.to_string(), "column `b` has 2 rows, but the table has 3");
     }
 }
