@@ -11,7 +11,7 @@ use crate::transport::{Domain, PortError, Tap};
 use std::sync::atomic::Ordering::Relaxed;
 
 impl Setup {
-    /// Returns a view of the whole graph. For components that declared
+    /// Returns a view of the whole graph. Intended for components that declared
     /// [`taps`](crate::declare::Declare::taps), such as recorders and viewers. The view may be moved to a
     /// helper thread.
     ///
@@ -52,8 +52,9 @@ impl Observer {
         &self.plan
     }
 
-    /// Opens a tap on the topic with index `topic` in the plan. On a topic of slices, each value consists of
-    /// the bytes of a whole slice. The tap must stay on the thread that opened it.
+    /// Opens a tap, which reads every published value, on the topic with index `topic` in the plan. On a
+    /// topic of slices, each value consists of the bytes of a whole slice. The tap must stay on the thread
+    /// that opened it.
     ///
     /// # Errors
     /// The topic cannot be opened, or already has four observers.
@@ -84,8 +85,8 @@ impl Observer {
         header.command() == Command::Run && !launcher().is_ok_and(|launcher| !launcher.has_ended())
     }
 
-    /// Returns the current time on the clock of the run's events, ns. In real time, stamps use the same
-    /// clock.
+    /// Returns the current time, ns, on the clock with which the run's events are timed. In real time, the
+    /// stamps of samples use the same clock.
     pub fn now_ns(&self) -> u64 {
         monotonic_ns()
     }

@@ -20,7 +20,7 @@ const SHOWN: usize = 20;
 /// every line is an error.
 const SHOWN_OF_SYNTAX: usize = 5;
 
-/// One finding with its position and advice.
+/// One error or warning about a graph, with its position and advice.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Diagnostic {
     /// Number of findings that this one stands for: 1, except in the summary of hidden findings.
@@ -34,7 +34,7 @@ pub struct Diagnostic {
     pub(super) sources: Arc<Sources>,
 }
 
-/// A position in a file, as data.
+/// A position in a file, as data for `--json`.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, schemars::JsonSchema)]
 pub struct PlaceReport {
     /// Path of the file, or `--set` for an override of the command line.

@@ -23,8 +23,8 @@ use crate::run_folder::RunFolder;
 /// Interval between two checks of the launcher.
 const LOOK: Duration = Duration::from_millis(50);
 
-/// Runs the guard: waits until the launcher ends unexpectedly, then ends the run in its place. A launcher
-/// that ends normally kills its guard first.
+/// Runs the guard, which waits until the launcher ends unexpectedly and then ends the run in the launcher's
+/// place. A launcher that ends normally kills its guard first.
 pub fn main(folder: &RunFolder) -> ExitCode {
     // The signals of the launcher's terminal session must not end the guard.
     for signal in [SIGINT, SIGTERM, SIGHUP, SIGTSTP] {

@@ -1,9 +1,9 @@
 //! The trace of a run: a ring of step events per component, in the control block of a traced run.
 //!
-//! A ring is wait-free, with one writer, the worker of its component, and any number of readers. An event has
-//! four words, and `written` counts complete events. The next event replaces the oldest one. A reader
-//! therefore accepts an event only if `written`, read after the words, shows that its slot was not the next
-//! to be written.
+//! A ring is wait-free. Its only writer is the worker of its component; the number of readers is unlimited.
+//! An event has four words, and `written` counts complete events. The next event replaces the oldest event. A
+//! reader therefore reads `written` after the words of an event, and accepts the event only if its slot was
+//! not the next slot to be written.
 
 use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
 use std::sync::atomic::{AtomicU64, fence};

@@ -21,12 +21,12 @@ pub enum RunFolderError {
     NotPrivate {
         /// Path of the folder.
         path: PathBuf,
-        /// The state that was found.
+        /// Type, owner or permissions of the folder, as found.
         found: String,
         /// Advice in one sentence.
         advice: String,
     },
-    /// The plan was written by another version of motorium, or is damaged.
+    /// The plan was written by a version of motorium other than this one, or is damaged.
     #[error("{path} is not a plan of this version of motorium: {reason}")]
     Plan {
         /// Path of the plan.

@@ -111,7 +111,8 @@ impl RunFolder {
         Self { path: path.to_path_buf(), id, locks: None }
     }
 
-    /// Returns the folder that contains new runs. If it exists, checks that it is private.
+    /// Returns the folder that contains the folders of this user's new runs. If the folder exists, checks
+    /// that it is private.
     ///
     /// # Errors
     /// The folder is not private to this user.
@@ -130,7 +131,8 @@ impl RunFolder {
         Self::list().into_iter().find(|run| run.id == id)
     }
 
-    /// Returns all runs of this user, newest first, alive or abandoned by a crash.
+    /// Returns all runs of this user, newest first. Includes runs that are alive and runs that a crash left
+    /// behind.
     pub fn list() -> Vec<Self> {
         // A location that other users could have written to contains no run of this user.
         let places = place::all().into_iter().filter(|path| place::check(path).is_ok());
@@ -207,7 +209,7 @@ impl RunFolder {
         write_private(&file, result.to_string().as_bytes()).map_err(io(&file))
     }
 
-    /// Returns the saved result of a component, or `None` if it saved none.
+    /// Returns the saved result of a component, or `None` if the component saved no result.
     pub fn result(&self, component: &str) -> Option<serde_json::Value> {
         serde_json::from_slice(&fs::read(self.result_file(component)).ok()?).ok()
     }
@@ -217,7 +219,7 @@ impl RunFolder {
     }
 
     /// Removes the objects of the domain, the control block and the folder from shared memory. Returns the
-    /// removed objects of the domain. Only call it for runs without processes.
+    /// removed objects of the domain. Only call this function for runs without processes.
     pub fn remove(&self) -> Vec<PathBuf> {
         let removed = self.domain().map(|domain| domain.remove()).unwrap_or_default();
         let _ = fs::remove_dir_all(&self.path);

@@ -1,4 +1,4 @@
-//! Field buses: frames and health.
+//! Messages of field buses: CAN frames and the health of a bus.
 
 crate::state_buffer! {
     /// A frame of a CAN or CAN FD bus.
@@ -79,11 +79,13 @@ impl BusHealth {
     pub const STOPPED: u32 = 0;
     /// State: error active. The controller sends and receives.
     pub const ACTIVE: u32 = 1;
-    /// State: error passive. The controller has counted many errors and no longer signals errors actively.
+    /// State: error passive. The controller has counted many errors and has stopped signalling errors
+    /// actively.
     pub const PASSIVE: u32 = 2;
     /// State: bus-off. The controller has left the bus.
     pub const BUS_OFF: u32 = 3;
-    /// State: error warning. The controller has counted many errors, but still sends and receives.
+    /// State: error warning. The controller has counted many errors. It sends and receives as in the error
+    /// active state.
     pub const WARNING: u32 = 4;
     /// State: the interface is down or missing.
     pub const DOWN: u32 = 5;

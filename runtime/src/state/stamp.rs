@@ -3,7 +3,8 @@
 #[cfg(doc)]
 use super::StateBuffer;
 
-/// Maximum time by which a stamp may be ahead of the clock, ns. Clock readings of two cores differ slightly.
+/// Maximum time by which a stamp may be ahead of the clock, ns. Needed because the clocks of two cores differ
+/// slightly.
 pub const FUTURE_TOLERANCE_NS: u64 = 1_000_000;
 
 crate::state_buffer! {
@@ -20,12 +21,12 @@ crate::state_buffer! {
         /// inherits the input's source time. Therefore `publish_time - source_time` is the latency of the
         /// whole chain so far.
         pub source_time: u64,
-        /// Publication time of this sample. The clock is read after the sample was filled and before its
-        /// content is checked.
+        /// Publication time of this sample: the time after the sample was filled and before its content is
+        /// checked.
         pub publish_time: u64,
         /// Time of the state: the scheduled release of the time-triggered step that produced the sample. For
-        /// a triggered step, this is the release of the first step in the trigger chain. The time is on the
-        /// grid of the rate even if the step was late.
+        /// a triggered step, this is the scheduled release of the first step in the trigger chain. A late
+        /// step does not change this time.
         pub state_time: u64,
         /// Index of the episode in which the sample was published, from 0.
         pub episode: u64,

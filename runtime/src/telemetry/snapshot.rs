@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Percentiles of a histogram, ns. `max` is exact, the others are accurate to 3 %.
+/// Percentiles of a histogram, ns. `max` is exact; all other fields are accurate to 3 %.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct Percentiles {
     /// Median: half of all values are not larger.
@@ -15,7 +15,7 @@ pub struct Percentiles {
     pub max: u64,
 }
 
-/// Copy of a [`Histogram`](super::Histogram) at one moment. It contains nonempty buckets only.
+/// Copy of a [`Histogram`](super::Histogram) at one moment, without empty buckets.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Snapshot {
     pub(super) sum: u64,
@@ -63,8 +63,8 @@ impl Snapshot {
 
     /// Returns the values that were recorded after an earlier snapshot of the same histogram.
     ///
-    /// The maximum of the result is exact if it is the maximum of the whole histogram. Otherwise it is the
-    /// upper bound of its bucket, at most 1/32 too high.
+    /// The maximum of the result is exact if it is also the maximum of the whole histogram. Otherwise the
+    /// result contains the upper bound of the highest nonempty bucket, which is at most 1/32 too high.
     pub fn since(&self, earlier: &Self) -> Self {
         let mut before = earlier.buckets.iter().copied().peekable();
         let mut buckets = Vec::new();

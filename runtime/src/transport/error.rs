@@ -11,7 +11,7 @@ pub enum PortError {
         /// Name of the port.
         port: String,
     },
-    /// The component opened the port with a type other than the declared one.
+    /// The component opened a port with a type other than the declared type.
     #[error("port `{port}` is opened with a type other than its declared type:\n{difference}")]
     TypeChanged {
         /// Name of the port.

@@ -11,12 +11,12 @@ use crate::os::{Lock, OtherProcess, Owned};
 use crate::plan::TopicPlan;
 use crate::state::{Digest, Stamp, TypeLayout};
 
-/// A reader of every value of a topic, in order, from outside the graph. For tools and recorders.
+/// A reader of every value of a topic, in order, from outside the graph. Intended for tools and recorders.
 ///
 /// A tap costs the writer nothing, and the writer never waits for a tap. Older values of a state are read
-/// from its slots, which contain the values of its `history` plus a few. Values overwritten before they were
-/// read are counted ([`missed`](Self::missed)). A topic supports four taps at a time. A tap is released
-/// immediately when its process is killed.
+/// from the topic's slots, which contain at least the number of values that the graph sets as `history`.
+/// Values overwritten before they were read are counted ([`missed`](Self::missed)). A topic supports four
+/// taps at a time. A tap is released immediately when its process is killed.
 #[derive(Debug)]
 pub struct Tap {
     layout: TypeLayout,
@@ -68,9 +68,9 @@ pub(crate) fn side_pin(
 }
 
 impl Tap {
-    /// Joins a topic. The first value read is the newest one of a state, or the next one of a stream. On a
-    /// topic of slices, such as images, the bytes of each value are consecutive elements with the
-    /// [layout](Self::layout).
+    /// Joins a topic. The first value read is the newest value of a state, or the next published value of a
+    /// stream. On a topic of slices, such as images, the bytes of each value are consecutive elements with
+    /// the [layout](Self::layout).
     ///
     /// # Errors
     /// The run or the topic cannot be opened, or four other programs already read the topic.

@@ -11,7 +11,7 @@ use crate::os::{Backoff, current_core, monotonic_ns};
 /// of a wake-up from there.
 pub(crate) const SPIN_NS: u64 = 20_000;
 
-/// The waiting side of a topic: sleeps until the next publication.
+/// The waiting side of a topic, with which a triggered component sleeps until the next publication.
 ///
 /// If the publisher runs on another core, a wake-up costs far more than reading the data. Therefore the
 /// waiter polls for about the duration of a wake-up before it sleeps. After an unsuccessful poll the next

@@ -42,7 +42,7 @@ pub enum UrdfProblem {
     /// The XML is not well-formed.
     #[error("not well-formed XML: {0}")]
     Xml(String),
-    /// The file uses an entity that it declares.
+    /// The file declares and uses an XML entity, which is not supported.
     #[error("entities are not supported; write the value of this one where it is used")]
     Entity,
     /// The file is an unexpanded xacro file.
@@ -127,7 +127,7 @@ pub enum UrdfProblem {
         /// Line of the first occurrence.
         first: u32,
     },
-    /// The joint refers to an undefined link.
+    /// A joint refers to a link that the file does not define.
     #[error("the {role} link of joint \"{joint}\" is \"{link}\", which does not exist{}", suggestion(.nearest.as_deref()))]
     UnknownLink {
         /// Name of the joint.
@@ -157,7 +157,7 @@ pub enum UrdfProblem {
     /// The links with these names, in this order, form a loop.
     #[error("the links form a loop: {}; a URDF must be a tree", .0.join(" -> "))]
     Loop(Vec<String>),
-    /// The joint mimics an undefined joint.
+    /// A joint mimics a joint that the file does not define.
     #[error("joint \"{joint}\" mimics \"{of}\", which does not exist{}", suggestion(.nearest.as_deref()))]
     UnknownMimic {
         /// Name of the joint.
@@ -167,7 +167,7 @@ pub enum UrdfProblem {
         /// The closest existing joint.
         nearest: Option<String>,
     },
-    /// The joint mimics a fixed joint.
+    /// A joint mimics a fixed joint, which has no position.
     #[error("joint \"{joint}\" mimics \"{of}\", which is fixed")]
     MimicOfFixed {
         /// Name of the joint.
@@ -175,7 +175,7 @@ pub enum UrdfProblem {
         /// Name of the fixed joint.
         of: String,
     },
-    /// The joint mimics a joint with several coordinates.
+    /// A joint mimics a joint with several coordinates, which is not supported.
     #[error(
         "joint \"{joint}\" mimics \"{of}\", which is {kind} and has no single position; expected a revolute, continuous \
          or prismatic joint"

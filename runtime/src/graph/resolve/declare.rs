@@ -30,13 +30,13 @@ use crate::worker::{ConfigProblem, DescribeRequest};
 /// analysis.
 const MOST: usize = 512;
 
-/// Time that the declaration of a component lasted.
+/// Duration of the declaration of one component.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
 pub struct DeclareTime {
     /// Name of the component.
     pub component: String,
     /// Wall-clock time of the component's [`declare`](crate::component::Component::declare), ns. For a
-    /// separate program this includes its start and end.
+    /// component in a separate program, this includes the time to start and end the program.
     pub wall_ns: u64,
 }
 

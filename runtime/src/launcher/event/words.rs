@@ -115,7 +115,8 @@ impl fmt::Display for Event<'_> {
 }
 
 impl Refusal {
-    /// Describes refused commands in a few words that follow their number, such as "stamped in the future".
+    /// Describes the reason in a few words that follow the number of refused commands, such as "stamped in
+    /// the future".
     pub fn description(self) -> &'static str {
         match self {
             Self::Content => "not finite",

@@ -1,6 +1,7 @@
-//! Simulation of one hyperperiod in which every component uses up its budget, without disturbances.
+//! Simulation of one hyperperiod of a graph, in which every component uses up its budget and nothing disturbs
+//! the machine.
 //!
-//! This is one possible execution, not the worst case of every component; the bounds of
+//! A timeline shows one possible execution, which need not be the worst case of each component. The bounds of
 //! [`admit`](super::admit) hold for all executions.
 
 mod lane;
@@ -22,7 +23,7 @@ use simulation::Simulation;
 pub struct Timeline {
     /// Simulated time, ns.
     pub length_ns: u64,
-    /// Hyperperiod of the graph, ns; `None` if it exceeds 64 bits.
+    /// Hyperperiod of the graph (the time after which its releases repeat), ns; `None` if it exceeds 64 bits.
     pub hyperperiod_ns: Option<u64>,
     /// Timelines of the cores, in ascending order.
     pub cores: Vec<CoreTimeline>,
@@ -54,7 +55,7 @@ impl CoreTimeline {
     }
 }
 
-/// Simulates one hyperperiod of a graph, but at most `longest_ns`.
+/// Simulates one hyperperiod of a graph (the time after which its releases repeat), but at most `longest_ns`.
 pub fn timeline(plan: &Plan, overheads: &Overheads, longest_ns: u64) -> Timeline {
     let tasks = StaticPlan::from_plan(plan, overheads);
     let hyperperiod_ns = hyperperiod(tasks.tasks.iter().map(|task| task.period_ns));
