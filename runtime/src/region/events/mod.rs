@@ -57,7 +57,7 @@ pub struct EventRecord {
     pub kind: EventKind,
     /// Index in the plan of the affected component; `None` if the event concerns the whole run.
     pub component: Option<usize>,
-    /// Value of the event, as defined by its [kind](EventKind); 0 for kinds without a value.
+    /// Value of the event, as defined by its kind; 0 for kinds without a value.
     pub value: f64,
     /// Text for users, truncated to [`EVENT_TEXT_BYTES`].
     pub text: String,
