@@ -1,4 +1,5 @@
-//! `motorium can scan`: the interfaces of the computer, and the devices on one of them, or on a serial line.
+//! `motorium can scan`: lists the CAN interfaces of the computer, or the devices on an interface or a serial
+//! line.
 
 use std::process::ExitCode;
 use std::time::Duration;

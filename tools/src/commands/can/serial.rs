@@ -1,4 +1,4 @@
-//! Serial lines: slcan adapters, and servos at their speeds.
+//! Serial lines: slcan adapters and servos, and the speeds at which they are found.
 
 use std::process::ExitCode;
 

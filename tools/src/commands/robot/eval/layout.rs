@@ -1,4 +1,4 @@
-//! Order of joints in the vectors of the input, and the number of entries of each.
+//! Order of joints in the vectors of the input, and the number of entries per joint.
 
 use anyhow::{Context as _, ensure};
 use motorium_robots::{JointKind, Model};
