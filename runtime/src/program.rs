@@ -94,8 +94,8 @@ pub fn main_of(component: impl DynamicComponent) -> ExitCode {
 /// Prints the usage of a program with one component.
 fn introduce(arguments: &[String], kind: &str, summary: &str) -> ExitCode {
     eprintln!(
-        "{} is a motorium component ({kind}: {summary}).\nName it in a graph file, `exec = \"PATH\"`, and start that \
-         with `motorium run GRAPH.toml`.",
+        "{} is a motorium component ({kind}: {summary}).\nName it in a graph file, `exec = \"PATH\"`, and start the \
+         graph with `motorium run GRAPH.toml`.",
         arguments.first().map_or("this", String::as_str),
     );
     ExitCode::from(2)

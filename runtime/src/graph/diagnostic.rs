@@ -199,7 +199,7 @@ impl Report {
             self.diagnostics.truncate(self.shown);
             let what = if severity == Severity::Error { "errors" } else { "warnings" };
             let last = self.add(severity, format!("and {} more {what}", grouped(others)));
-            last.advise("fix the first ones; others are often consequences");
+            last.advise("fix the first errors; later errors are often their consequences");
             last.count = others;
         }
         self.diagnostics

@@ -265,7 +265,7 @@ fn describe_safety(
             }
             Reached::Safe { since_ns } => {
                 let after = (since_ns - noticed) as f64 * 1e-6;
-                format!("`{name}` in its safe state ({state}) {after:.1} ms after")
+                format!("`{name}` in its safe state ({state}) {after:.1} ms after the guard noticed")
             }
             Reached::Moving => format!("`{name}` in its safe state ({state}), and not at rest"),
             Reached::Not => format!("`{name}` did not reach its safe state"),

@@ -39,8 +39,8 @@ fn describe(others: &[Foreign]) -> Option<String> {
     };
     (!descriptions.is_empty()).then(|| {
         format!(
-            "other users have real-time work on the cores of this run: {}{more}; `check` does not know its budgets, and \
-             steps may come late",
+            "other users have real-time work on the cores of this run: {}{more}; `motorium check` does not know the \
+             budgets of this work, so steps may be late",
             descriptions.join(", ")
         )
     })

@@ -105,7 +105,11 @@ impl Options {
                 "graph `{}` runs in real time, where each component needs a separate process or thread",
                 plan.name
             );
-            return unsuitable("hosting inline", reason, "add `--clock lockstep`, or host it in threads");
+            return unsuitable(
+                "hosting inline",
+                reason,
+                "add `--clock lockstep`, or host the graph in threads",
+            );
         }
         let is_program = |program: &Program| !matches!(program, Program::Builtin { .. });
         if let Some(component) = plan.components.iter().find(|component| is_program(&component.program)) {

@@ -34,7 +34,8 @@ pub enum SessionError {
     },
     /// A component of the graph begins the episodes, so the session cannot begin one.
     #[error(
-        "component `{component}` begins the episodes of this graph; remove its `begins_episodes` to begin them in the session"
+        "component `{component}` begins the episodes of this graph; remove its `begins_episodes` to begin episodes \
+         from the session"
     )]
     EpisodeDriver {
         /// Name of the component.

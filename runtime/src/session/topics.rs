@@ -216,7 +216,7 @@ impl Session<'_> {
         let (_, output, context) = &mut self.ports.writers[place];
         let output = output.downcast_mut::<RawOutput>().ok_or_else(|| SessionError::Topic {
             topic: topic.to_string(),
-            reason: "the session has already published a typed value on it".to_string(),
+            reason: "the session has already published a typed value on this topic".to_string(),
         })?;
         Ok(TopicWriter { output, context, now_ns })
     }
@@ -241,8 +241,9 @@ impl Session<'_> {
         let refused = |reason: String| SessionError::Topic { topic: topic.to_string(), reason };
         let (_, output, context) = &mut self.ports.writers[place];
         let output = output.downcast_mut::<Output<T>>();
-        let output = output
-            .ok_or_else(|| refused("the session has already published another type on it".to_string()))?;
+        let output = output.ok_or_else(|| {
+            refused("the session has already published a different type on this topic".to_string())
+        })?;
         context.enter_new_episode();
         context.enter_step(now_ns, now_ns, u64::MAX);
         let sent = output.loan().and_then(|mut loan| {

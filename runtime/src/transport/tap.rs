@@ -62,7 +62,7 @@ pub(crate) fn side_pin(
     let take = |place: usize| Lock::take(&file, first + place as u32).ok().flatten();
     let free = memory.side_pins().enumerate().find_map(|(place, pin)| Some((take(place)?, pin)));
     free.ok_or_else(|| {
-        let full = &"four programs outside the graph already read it, expected at most three others";
+        let full = &"four programs outside the graph already read the topic, expected at most three";
         refused(&topic.name, "reading it from outside")(full)
     })
 }

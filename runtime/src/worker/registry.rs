@@ -132,7 +132,7 @@ fn declaration(
 ) -> Result<Declaration, ConfigProblem> {
     if !declare.robots_fit() {
         let error = ConfigError::key("robots", format!("`{kind}` supports at most one robot"))
-            .advise("give it one by `robot = \"NAME\"`, and each of the others a separate component");
+            .advise("write `robot = \"NAME\"`, and add a separate component for each further robot");
         return Err(ConfigProblem { unread: false, error });
     }
     declared.map_err(|error| ConfigProblem { unread: false, error })?;

@@ -217,7 +217,7 @@ impl<'a> View<'a> {
             self.each(|c| c.stalls.count),
         )?;
         families.counter(
-            &Family::seconds("component_stalled", "Total duration of these stalls."),
+            &Family::seconds("component_stalled", "Total duration of the stalls of the core."),
             self.each(|c| seconds(c.stalls.total_ns)),
         )?;
         let there = |of: fn(&super::thread::Usage) -> u64| {

@@ -61,7 +61,10 @@ fn staleness_of_one_actuator_is_printed() {
     let output = run(&["check", REACH, "--set", &safety("500 us")]);
     let errors = text(&output.stderr);
     assert_eq!(output.status.code(), Some(3), "{errors}");
-    assert!(errors.contains("commands of `physics` become stale before the next one arrives"), "{errors}");
+    assert!(
+        errors.contains("commands of `physics` become stale before the next command arrives"),
+        "{errors}"
+    );
 }
 
 #[test]

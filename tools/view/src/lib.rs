@@ -64,7 +64,12 @@ pub fn main() -> ExitCode {
             return ExitCode::from(2);
         }
     };
-    let served = request.context("the order of `motorium view`: is it of another version?").and_then(serve);
+    let served = request
+        .context(
+            "reading the request of `motorium view`: does its version differ from the \
+             viewer's?",
+        )
+        .and_then(serve);
     match served {
         Ok(code) => code,
         Err(error) => {

@@ -43,7 +43,7 @@ pub enum UrdfProblem {
     #[error("not well-formed XML: {0}")]
     Xml(String),
     /// The file declares and uses an XML entity, which is not supported.
-    #[error("entities are not supported; write the value of this one where it is used")]
+    #[error("XML entities are not supported; write the value of the entity where it is used")]
     Entity,
     /// The file is an unexpanded xacro file.
     #[error("this is a xacro file, not yet URDF; expand it first: xacro IN.urdf.xacro > OUT.urdf")]
@@ -107,9 +107,9 @@ pub enum UrdfProblem {
     },
     /// The joint type is not supported.
     #[error(
-        "joint \"{joint}\" is {kind}; only revolute, continuous, prismatic, planar and fixed joints are \
-         supported, and one floating joint that carries the rest of the robot (model it as a chain of these, with massless links \
-         between)"
+        "joint \"{joint}\" is {kind}; only revolute, continuous, prismatic, planar and fixed joints are supported, \
+         and one floating joint that carries the rest of the robot (model the joint as a chain of these, with \
+         massless links in between)"
     )]
     UnsupportedJointType {
         /// Name of the joint.

@@ -215,8 +215,8 @@ pub enum ModelWarning {
     },
     /// The rotational inertia of a link is too small for its mass.
     #[error(
-        "link \"{link}\": largest principal moment of {} kg m2 for {mass} kg, expected at least {least:.1e}, a ball of \
-         osmium's; give the <inertia> in kg m2", moment(*.largest)
+        "link \"{link}\": largest principal moment of {} kg m2 for {mass} kg, expected at least {least:.1e}, as for \
+         a ball of osmium; give the <inertia> in kg m2", moment(*.largest)
     )]
     TinyInertia {
         /// Name of the link.

@@ -27,8 +27,8 @@ pub(super) fn resolve(
     if let [(Some(place), key), ..] | [_, (Some(place), key)] = other {
         report
             .error(format!("component `{name}` has both `{key}` and `activate`"))
-            .label(&at.key, "expected only one way to release the component")
-            .and(place, "another way is set here")
+            .label(&at.key, "expected either `activate`, `rate` or `trigger`")
+            .and(place, "the component is already released by this")
             .advise("leave one of them out");
         return None;
     }
@@ -78,7 +78,10 @@ fn can_wait(draft: &Draft<'_, '_>, at: &At<ActivateTable>, report: &mut Report) 
     let kind = draft.table.kind.as_ref().or(draft.table.exec.as_ref());
     let diagnostic = report
         .error(format!("component `{}` has no file descriptor that could release its steps", draft.name))
-        .label(&at.span, "only kinds that wait for devices or programs outside the graph have one")
+        .label(
+            &at.span,
+            "only kinds that wait for devices or programs outside the graph have a file descriptor",
+        )
         .advise("give it a `rate`, or a `trigger`");
     if let Some(kind) = kind.filter(|kind| kind.get().is_some()) {
         diagnostic.and(&kind.span, "this kind reads and writes topics only");

@@ -102,7 +102,7 @@ impl ExecProblem {
             Self::NotExecutable(path) => return format!("try `chmod +x {}`", path.display()),
             Self::Start { .. } => "was it built for this machine? try `cargo build --release`",
             Self::Silent(_) => {
-                "`motorium::main!(...)` answers immediately; does the program do other work before it?"
+                "`motorium::main!(...)` answers immediately; does the program work before calling it?"
             }
             Self::NoComponent { .. } => "its main function must be `motorium::main!(MyComponent);`",
             Self::Version { .. } | Self::Memory(_) => {

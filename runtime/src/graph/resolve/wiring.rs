@@ -255,7 +255,7 @@ fn nothing_to_do(component: usize, draft: &Draft<'_, '_>, wiring: &Wiring, repor
                 draft.name
             ))
             .label(&draft.place, "neither reads nor writes")
-            .advise("harmless if it only acts outside the graph");
+            .advise("this is harmless if the component only acts outside the graph");
     } else if declaration.ports.iter().all(|port| !port.required) {
         // a missing required port has been reported already
         let ports: Vec<String> =

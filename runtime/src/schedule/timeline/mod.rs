@@ -84,11 +84,11 @@ fn notes(plan: &Plan, tasks: &StaticPlan, hyperperiod_ns: Option<u64>, length_ns
     let mut notes = Vec::new();
     match hyperperiod_ns {
         None => notes.push(format!(
-            "only the first {}: the periods have no common multiple of a usable length",
+            "only the first {} are shown: the periods have no common multiple of a usable length",
             words::time(length_ns)
         )),
         Some(whole) if whole > length_ns => notes.push(format!(
-            "only the first {} of a hyperperiod of {}",
+            "only the first {} of a hyperperiod of {} are shown",
             words::time(length_ns),
             words::time(whole)
         )),

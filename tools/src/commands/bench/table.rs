@@ -91,8 +91,8 @@ fn beside_copper(written: &Written) -> Option<String> {
     let (ours, copper) = (written.get("chain.17")?, written.get("peer.copper.17")?);
     let ratio = |of: u64, to: u64| of as f64 / to.max(1) as f64;
     Some(format!(
-        "beside: copper's caterpillar, 17 tasks in one process: p50 {} us, p99 {} us; ours, 17 processes, takes {:.1} \
-         and {:.1} times that\n",
+        "beside: copper's caterpillar, 17 tasks in one process: p50 {} us, p99 {} us; motorium's 17 processes take \
+         {:.1} and {:.1} times as long\n",
         microseconds(copper.ns.p50),
         microseconds(copper.ns.p99),
         ratio(ours.ns.p50, copper.ns.p50),

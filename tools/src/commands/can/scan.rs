@@ -82,7 +82,8 @@ impl Scan {
             let carries_fd = |interface: &Interface| interface.name == *name && interface.is_fd;
             anyhow::ensure!(
                 !self.fd || Interface::all()?.iter().any(carries_fd),
-                "`{name}` does not carry CAN FD: set it up so (`ip link set {name} type can ... dbitrate 5000000 fd on`), or leave `--fd` out"
+                "`{name}` does not carry CAN FD: configure it for CAN FD (`ip link set {name} type can ... dbitrate \
+                 5000000 fd on`), or leave `--fd` out"
             );
             RealBus::of_interface(name)
         };

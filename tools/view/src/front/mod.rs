@@ -29,7 +29,8 @@ const SHORTAGE: Duration = Duration::from_millis(100);
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum FrontError {
     #[error(
-        "port {0} is in use, perhaps by another `motorium view`; choose another with `--port`, or 0 for any free port"
+        "port {0} is in use, perhaps by another `motorium view`; choose another port with `--port`, or 0 for any \
+         free port"
     )]
     Taken(u16),
     #[error("port {port} of this machine cannot be served: {reason}")]
