@@ -33,7 +33,7 @@ pub enum Program {
 }
 
 impl Program {
-    /// Parses the arguments of a program. Returns `None` if they are not a request of motorium.
+    /// Parses the arguments of a program. Returns `None` if the arguments are not a request of motorium.
     pub fn from_arguments(arguments: &[String]) -> Option<Self> {
         match arguments {
             [_, first] if first == DESCRIBE => Some(Self::Describe),

@@ -26,7 +26,7 @@ codes! {
     Done = 0, "the run finished or was interrupted, as the graph requires; the command succeeded";
     /// The command failed, for example because a component could not be started.
     Failed = 1, "failure: a component could not be started, no run was found, a value was refused, a file cannot be read or would be overwritten, no actuator confirmed `motorium stop --now`";
-    /// Usage error, such as an unknown option. The number is the one that clap uses.
+    /// Usage error, such as an unknown option. clap uses the same number.
     Usage = 2, "usage error: an unknown command or option, an invalid value of an option; a component program started by hand";
     /// An input file, such as a graph file, is invalid or missing.
     Invalid = 3, "an input file is invalid or missing: a graph, a robot, a benchmark (`bench compare`). Nothing was started";

@@ -89,7 +89,7 @@ pub struct Summary {
     pub strays: u32,
     /// Number of objects in shared memory that outlived their run.
     pub leaks: u32,
-    /// Number of runs that ended with an exit code other than 0, unless the launcher itself was killed.
+    /// Number of runs that ended with a nonzero exit code, unless the fault had killed the launcher.
     pub failed_runs: u32,
     /// Exit code and last printed lines of each failed run.
     pub failures: Vec<String>,

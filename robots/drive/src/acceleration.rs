@@ -19,8 +19,9 @@ impl JointSetpoint {
     /// The bounds follow from these conditions, the most important first:
     ///
     /// - the acceleration limit, plus [`ACCELERATION_BAND`] as tolerance
-    /// - the joint must be able to stop at the end of its range with [`STOPPING_SHARE`] of the limit; if it
-    ///   follows a moving position setpoint that stops there, with the whole limit
+    /// - the joint must be able to stop at the end of its range with [`STOPPING_SHARE`] of the limit; if the
+    ///   joint follows a moving position setpoint that stops at the end of the range, it may use the whole
+    ///   limit
     /// - if [`arrival_velocity`](Self::arrival_velocity) is set, the joint must be able to slow down to this
     ///   velocity at its position setpoint with [`STOPPING_SHARE`] of the limit
     ///

@@ -36,9 +36,9 @@ pub struct JointSetpoint {
     pub velocity: f64,
     /// Feed-forward effort \[N m or N\].
     pub effort: f64,
-    /// Position gain \[N m/rad or N/m\], from 0.
+    /// Position gain \[N m/rad or N/m\], at least 0.
     pub kp: f64,
-    /// Velocity gain \[N m s/rad or N s/m\], from 0.
+    /// Velocity gain \[N m s/rad or N s/m\], at least 0.
     pub kd: f64,
     /// Minimum velocity \[rad/s or m/s\], negative, beyond which the drive brakes; minus infinity for no
     /// limit. CAN drives ignore this field and apply their own limits.

@@ -40,10 +40,10 @@ impl From<Activation> for Unary {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum InputOrder {
-    /// The position errors at all times, then the velocities.
+    /// The position errors at all times come first, followed by the velocities.
     #[default]
     PositionVelocity,
-    /// The velocities at all times, then the position errors.
+    /// The velocities at all times come first, followed by the position errors.
     VelocityPosition,
 }
 
@@ -155,7 +155,7 @@ pub struct NetworkSettings {
     pub position_scale: f64,
     /// Factor that multiplies velocities at the input \[s/rad or s/m\].
     pub velocity_scale: f64,
-    /// Effort at the motor for an output of one \[Nm or N\].
+    /// Effort at the motor that corresponds to a network output of 1 \[Nm or N\].
     pub effort_scale: f64,
 }
 

@@ -118,7 +118,7 @@ pub struct NetworkTable<T> {
     /// Factor that multiplies velocities at the input. Default 1.
     #[serde(default = "one")]
     pub velocity_scale: f64,
-    /// Effort for an output of one, N m or N. Default 1.
+    /// Effort that corresponds to a network output of 1, N m or N. Default 1.
     #[serde(default = "one")]
     pub effort_scale: f64,
 }
@@ -238,7 +238,8 @@ impl<T: Copy> NetworkTable<T> {
         let times: Vec<f64> = written.unwrap_or_else(|| TIMES.to_vec());
         let ages = |time: &f64| (0.0..=10.0).contains(time);
         if times.is_empty() || times.len() > MOST_TIMES || !times.iter().all(ages) {
-            let message = format!("{} times, expected 1 to {MOST_TIMES} from 0 to 10 s", times.len());
+            let message =
+                format!("{} times, expected 1 to {MOST_TIMES} times, each from 0 to 10 s", times.len());
             return Err(ActuatorTableError::new(key("times"), message));
         }
         for (name, scale) in [

@@ -45,7 +45,7 @@ pub struct IkSolution {
     pub position_error: f64,
     /// Remaining angle from the target \[rad\].
     pub rotation_error: f64,
-    /// Index of the successful initial guess, from 0.
+    /// Index of the successful initial guess, counted from 0.
     pub seed: usize,
     /// Number of iterations from the successful guess.
     pub iterations: usize,

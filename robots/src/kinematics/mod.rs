@@ -1,4 +1,4 @@
-//! Forward kinematics to second order, in world axes.
+//! Forward kinematics: poses, velocities and accelerations of frames, in world axes.
 
 mod centre_of_mass;
 mod frames;

@@ -18,7 +18,7 @@ impl Loaded {
     ///
     /// # Errors
     ///
-    /// The file can no longer be read.
+    /// The robot's file has been removed or cannot be read.
     pub fn drawn(&self) -> io::Result<Option<DrawnRobot>> {
         let Some(text) = self.text()? else { return Ok(None) };
         if !is_mjcf(&text) {
@@ -62,7 +62,7 @@ impl Loaded {
     ///
     /// # Errors
     ///
-    /// The file can no longer be read.
+    /// The robot's file has been removed or cannot be read.
     pub fn link_colours(&self, shapes: ShapeSource) -> io::Result<LinkColours> {
         let Some(text) = self.text()? else { return Ok(LinkColours::default()) };
         if !is_mjcf(&text) {
@@ -85,7 +85,7 @@ impl Loaded {
     ///
     /// # Errors
     ///
-    /// The file can no longer be read.
+    /// The robot's file has been removed or cannot be read.
     pub fn is_mjcf(&self) -> io::Result<bool> {
         Ok(self.text()?.is_some_and(|text| is_mjcf(&text)))
     }

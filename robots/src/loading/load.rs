@@ -55,7 +55,7 @@ impl Loaded {
     ///
     /// # Errors
     ///
-    /// The file can no longer be read.
+    /// The robot's file has been removed or cannot be read.
     pub fn text(&self) -> io::Result<Option<String>> {
         match (&self.entry, &self.path) {
             (Some(entry), _) => Ok(Some(entry.urdf.to_string())),

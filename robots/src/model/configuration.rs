@@ -1,5 +1,5 @@
 //! The configuration manifold: integration, differences, interpolation, and conversion to the coordinates of
-//! other programs.
+//! Pinocchio and MuJoCo.
 //!
 //! On a floating base `q` starts with the base's position in the world and its orientation as a quaternion x
 //! y z w, and `v` with the velocity of the base's origin and its angular velocity, both in the base's axes.

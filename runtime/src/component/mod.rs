@@ -1,7 +1,7 @@
 //! The component trait and its configuration. Start here.
 //!
 //! A component declares its ports and parameters, is configured once, and is then stepped. The same type runs
-//! unchanged as a separate process or hosted with others in one process, in real time or in lockstep.
+//! unchanged in a separate process or in a process with several components, in real time or in lockstep.
 //!
 //! * [`Component`] is the trait to implement;
 //! * [`Declare`] collects its ports and parameters, so that a graph can be checked without running;
@@ -45,8 +45,8 @@ use std::time::Duration;
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Tick {
-    /// Index of the step since the start of the run or the last reset, from 0. Restarts of the component and
-    /// new episodes in real time do not reset it.
+    /// Index of the step, counted from 0 since the start of the run or the last reset. Restarts of the
+    /// component and new episodes in real time do not reset the index.
     pub index: u64,
     /// Time for which the step computes, ns since the start of the run or, in lockstep, since the last reset.
     /// For a time-triggered component this is its scheduled release, for a triggered component the publish
@@ -62,7 +62,7 @@ pub struct Tick {
     /// period of the component that starts the chain of triggers; for a component released by events, it is
     /// `min_interval`.
     pub period: Duration,
-    /// Index of the episode, from 0; always 0 in a run without episodes.
+    /// Index of the episode, counted from 0; always 0 in a run without episodes.
     pub episode: u64,
     /// True in the first step of an episode: after [`configure`](Component::configure) at the start of the
     /// run, after [`reset`](Component::reset) in lockstep, and after
@@ -84,7 +84,7 @@ pub struct Tick {
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Episode {
-    /// Index of the episode in the run, from 0. Episode 0 begins with the run, without a call of `reset` or
+    /// Index of the episode in the run, counted from 0. Episode 0 begins with the run, without a call of `reset` or
     /// `begin_episode`.
     pub index: u64,
     /// The component's seed in this episode, derived from the episode's seed and the component's name. In the

@@ -77,8 +77,8 @@ impl Observer {
         }
     }
 
-    /// Returns `true` if the launcher died during the run. The run then counts as failed, even if its guard
-    /// has not reported the failure yet.
+    /// Returns `true` if the launcher died during the run. Such a run counts as failed, even if its guard has
+    /// not reported the failure yet.
     pub fn is_orphaned(&self) -> bool {
         let header = self.region.header();
         let launcher = || Watch::new(header.launcher.load(Relaxed));

@@ -21,8 +21,8 @@ use crate::transport::{
 
 /// The set-up of one component: opens the ports and parameters that the component declared.
 ///
-/// Each port is opened once, during configuration. An unwired port can be opened, too: an unwired input stays
-/// empty, and samples of an unwired output are discarded.
+/// Each port is opened once, during configuration, even if the graph leaves it unwired. An unwired input
+/// stays empty, and samples of an unwired output are discarded.
 ///
 /// ```
 /// use motorium::prelude::*;
@@ -129,8 +129,8 @@ impl Setup {
     /// Returns the robot that the graph assigns to this component.
     ///
     /// # Errors
-    /// The graph assigns no robot to the component. Check this in `declare`, too, to let `motorium check`
-    /// report it.
+    /// The graph assigns no robot to the component. If a component needs a robot, it should check this in
+    /// `declare`, so that `motorium check` reports the error.
     pub fn robot(&self) -> Result<&RobotReference, ConfigureError> {
         self.component()
             .robot

@@ -68,7 +68,7 @@ pub struct WeightsInput {
 }
 
 impl Declare {
-    /// Declares an input of [`Weights`]. The component opens it with [`Setup::weights`].
+    /// Declares an input of [`Weights`], which the component opens with [`Setup::weights`].
     pub fn weights(&mut self, name: &str, doc: &str) {
         self.input::<Weights>(name, doc);
     }

@@ -78,7 +78,7 @@ pub enum StepError {
         /// Difference between the source time and the current time, ns.
         ahead_ns: u64,
     },
-    /// Any other failure, with the component's message.
+    /// A failure that has no separate variant, with the component's message.
     #[error("{0}")]
     Failed(Cow<'static, str>),
 }

@@ -166,7 +166,7 @@ impl Domain {
         Path::new(SHARED_MEMORY).join(format!("{}spare", self.prefix))
     }
 
-    /// Removes all remains of a domain that is no longer used. Returns the removed paths.
+    /// Removes all remains of a domain that is no longer used. Returns the paths of the removed files.
     pub fn remove(&self) -> Vec<PathBuf> {
         let mut removed = Vec::new();
         // The lock is removed last, because objects without a lock count as unused.

@@ -39,9 +39,9 @@ pub struct Diagnostic {
 pub struct PlaceReport {
     /// Path of the file, or `--set` for an override of the command line.
     pub file: String,
-    /// Line, from 1.
+    /// Line, counted from 1.
     pub line: usize,
-    /// Column in characters, from 1.
+    /// Column in characters, counted from 1.
     pub column: usize,
     /// Label of the position; may be empty.
     pub label: String,
@@ -56,9 +56,9 @@ pub struct DiagnosticReport {
     pub message: String,
     /// Path of the file, or `--set` for an override of the command line.
     pub file: String,
-    /// Line, from 1; absent if the finding concerns the file as a whole.
+    /// Line, counted from 1; absent if the finding concerns the file as a whole.
     pub line: Option<usize>,
-    /// Column in characters, from 1; absent if the finding concerns the file as a whole.
+    /// Column in characters, counted from 1; absent if the finding concerns the file as a whole.
     pub column: Option<usize>,
     /// Label of the position; may be empty.
     pub label: String,

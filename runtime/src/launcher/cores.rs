@@ -1,4 +1,5 @@
-//! Other activity of a core during a run: interrupts, soft interrupts, and time stolen by its host.
+//! Activity of a core during a run that its components did not cause: interrupts, soft interrupts, and time
+//! stolen by the host.
 
 use std::collections::BTreeMap;
 use std::time::Instant;

@@ -1,4 +1,4 @@
-//! Visible real-time work of other users on the cores of a run.
+//! Real-time processes of other users on the cores of a run, as far as they are visible.
 
 use super::Event;
 use crate::os::{Foreign, realtime_of_others};

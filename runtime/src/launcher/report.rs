@@ -40,8 +40,8 @@ pub struct Report {
     pub exit: Exit,
     /// Requests that the system denied, as text; empty if all were granted.
     pub lost: Vec<String>,
-    /// Shortcomings of a run that ended normally, as text, such as components that no longer stepped at the
-    /// end or lost too many steps.
+    /// Shortcomings of a run that ended normally, as text, such as components that had stopped stepping
+    /// before the end or lost too many steps.
     #[serde(default)]
     pub warnings: Vec<String>,
     /// Maximum exit latency of idle states while the graph ran, ns; `null` if no limit was requested
@@ -74,7 +74,7 @@ pub struct Report {
 /// Report of one episode.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct EpisodeReport {
-    /// Index of the episode, from 0.
+    /// Index of the episode, counted from 0.
     pub index: u64,
     /// Seed of the episode. In lockstep, a run with this seed publishes the same values.
     pub seed: u64,
@@ -133,7 +133,7 @@ pub struct ComponentReport {
     pub allocations_apart: Option<u64>,
     /// Number of page faults of the stepping thread after the first 100 steps.
     pub page_faults: u64,
-    /// `SCHED_FIFO` priority, as read back from the kernel; 0 for any other class.
+    /// `SCHED_FIFO` priority, as read back from the kernel; 0 if the class is not `SCHED_FIFO`.
     pub fifo_priority: u32,
     /// `true` if the component ran under `SCHED_DEADLINE`, as read back from the kernel.
     pub deadline: bool,

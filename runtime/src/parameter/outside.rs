@@ -62,8 +62,8 @@ impl ParameterTable {
     /// value takes effect at the component's next step.
     ///
     /// # Errors
-    /// The parameter does not exist, the value has the wrong type or is out of range, or another writer is
-    /// active.
+    /// The parameter does not exist, the value has the wrong type or is out of range, or a different process
+    /// is setting parameters at the same time.
     pub fn set(&self, path: &str, value: ParameterValue) -> Result<ParameterValue, ParameterError> {
         let mut set = self.set_many([(path, value)])?;
         Ok(set.swap_remove(0))

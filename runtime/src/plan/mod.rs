@@ -37,7 +37,8 @@ pub struct Plan {
     /// Episodes of the run; `None` if it is not divided into episodes.
     #[serde(default)]
     pub episodes: Option<EpisodesPlan>,
-    /// Components in the order of the file. Other parts of the plan refer to a component by its index here.
+    /// Components in the order of the file. All parts of the plan refer to a component by its index in this
+    /// list.
     pub components: Vec<ComponentPlan>,
     /// Topics in the order of their first mention in the file.
     pub topics: Vec<TopicPlan>,
@@ -157,7 +158,7 @@ pub enum Program {
         /// Name of the kind.
         kind: String,
     },
-    /// A kind that another installed program contains.
+    /// A kind that a separate installed program contains.
     Sibling {
         /// Name of the kind.
         kind: String,

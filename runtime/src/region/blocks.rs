@@ -14,7 +14,7 @@ use crate::telemetry::Histogram;
 /// The cause of a missed step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum MissCause {
-    /// The component was ready to run, but another thread of the operating system occupied its core.
+    /// The component was ready to run, but a different thread of the operating system occupied its core.
     LateWake,
     /// The step itself lasted too long.
     LongStep,
@@ -137,7 +137,8 @@ pub struct ComponentBlock {
     pub spin_ns: AtomicU64,
     /// 1 if the stepping thread runs under `SCHED_DEADLINE`, as read back from the kernel.
     pub deadline: AtomicU32,
-    /// `SCHED_FIFO` priority of the stepping thread, as read back from the kernel; 0 for other classes.
+    /// `SCHED_FIFO` priority of the stepping thread, as read back from the kernel; 0 if its class is not
+    /// `SCHED_FIFO`.
     pub fifo_priority: AtomicU32,
     /// Bit mask of the cores on which the stepping thread may run, as read back from the kernel. Covers the
     /// first 32 cores.

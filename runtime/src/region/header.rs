@@ -118,7 +118,7 @@ struct StartBlock {
 /// Start of an episode: index, seed and time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct EpisodeStart {
-    /// Index of the episode, from 0.
+    /// Index of the episode, counted from 0.
     pub index: u64,
     /// Seed of the episode.
     pub seed: u64,

@@ -41,7 +41,7 @@ pub(super) struct TraceRing<'a> {
 pub enum TraceEvent {
     /// A step has ended.
     Step {
-        /// Index of the step, from 0, across restarts and episodes.
+        /// Index of the step, counted from 0, across restarts and episodes.
         number: u64,
         /// Release time, ns on the clock of stamps (simulated time in lockstep).
         release_ns: u64,

@@ -16,7 +16,7 @@ pub enum RunFolderError {
         /// Error of the operating system.
         source: std::io::Error,
     },
-    /// Other users could access the folder.
+    /// The folder is not private: other users could access it.
     #[error("{path} is {found}, expected a folder that only this user can access; {advice}", path = .path.display())]
     NotPrivate {
         /// Path of the folder.

@@ -91,7 +91,7 @@ impl RunFolder {
     /// Locks the run: while this value or a clone of it exists, the run is alive.
     ///
     /// # Errors
-    /// The folder no longer exists, or no descriptor is available.
+    /// The folder has been removed, or no descriptor is available.
     pub fn hold(&mut self) -> Result<(), RunFolderError> {
         let (folder, objects) = self.lock_files()?;
         let hold = |path: &Path| Lock::hold(path).map_err(io(path));

@@ -164,7 +164,7 @@ impl Gate {
     /// Notes which joints their drives held back in the last step because of the acceleration limit in the
     /// setpoint ([`max_acceleration`](JointSetpoint::max_acceleration)). The step lasted `dt` s and ended at
     /// `position`. Call this function before the next [`offer`](Self::offer) if the drives report this. A
-    /// joint that follows a command then counts as limited once per step.
+    /// noted joint that follows a command counts as limited once per step.
     #[inline]
     pub fn note_restrained(
         &mut self,

@@ -178,7 +178,7 @@ impl<'o> Session<'o> {
         Duration::from_nanos(self.launch.time_ns().saturating_sub(self.launch.episode_ns()))
     }
 
-    /// Returns the index of the current episode, from 0.
+    /// Returns the index of the current episode, counted from 0.
     pub fn episode(&self) -> u64 {
         self.launch.region().header().episode.load(Relaxed)
     }

@@ -32,7 +32,7 @@ counted_buffer! {
             /// Version of the weights, which increases with each change. Blocks with the same version form
             /// one set of weights.
             version: u64;
-            /// Index of this block, from 0.
+            /// Index of this block, counted from 0.
             block: u32;
             /// Number of blocks of the model.
             blocks: u32;

@@ -30,9 +30,9 @@ counted_buffer! {
         counted {
             /// Index of the touched link in the robot's model.
             link, link_mut: u32;
-            /// The other body: the index of an object of the world, or 65536 plus the index of a link of the
-            /// same robot; 65535 for a link of another robot, 4294967295 for the ground, 4294967294 for a
-            /// push defined in the graph.
+            /// Body that touches the link: the index of an object of the world, or 65536 plus the index of a
+            /// link of the same robot; 65535 for a link of a different robot, 4294967295 for the ground,
+            /// 4294967294 for a push defined in the graph.
             other, other_mut: u32;
             /// Position of the contact point, x, m.
             position_x, position_x_mut: f64;

@@ -14,7 +14,7 @@ crate::state_buffer! {
     /// In real time, times are nanoseconds on `CLOCK_MONOTONIC`. In lockstep, they are simulated nanoseconds
     /// since the start.
     pub struct Stamp as "motorium.Stamp" {
-        /// Sequence number of the sample within its publisher, from 1; 0 is never published.
+        /// Sequence number of the sample within its publisher, counted from 1; 0 is never published.
         pub sequence: u64,
         /// Time of the source data: the time passed to `Loan::publish_from` or, without such a call, the
         /// publication time of the first sample in the processing chain. A sample computed from an input
@@ -28,7 +28,7 @@ crate::state_buffer! {
         /// a triggered step, this is the scheduled release of the first step in the trigger chain. A late
         /// step does not change this time.
         pub state_time: u64,
-        /// Index of the episode in which the sample was published, from 0.
+        /// Index of the episode in which the sample was published, counted from 0.
         pub episode: u64,
         /// Index of the publishing component in the plan.
         pub publisher: u32,

@@ -5,11 +5,11 @@ use serde::{Deserialize, Serialize};
 /// Percentiles of a histogram, ns. `max` is exact; all other fields are accurate to 3 %.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct Percentiles {
-    /// Median: half of all values are not larger.
+    /// Median: half of all values do not exceed it.
     pub p50: u64,
-    /// 99 % of all values are not larger.
+    /// 99th percentile: 99 % of all values do not exceed it.
     pub p99: u64,
-    /// 99.9 % of all values are not larger.
+    /// 99.9th percentile: 99.9 % of all values do not exceed it.
     pub p999: u64,
     /// Largest value.
     pub max: u64,

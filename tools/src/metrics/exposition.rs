@@ -206,7 +206,10 @@ impl<'a> View<'a> {
             self.each(|c| seconds(c.spin_ns)),
         )?;
         families.counter(
-            &Family::seconds("component_watched", "Time in which spinning watched for stalls of the core."),
+            &Family::seconds(
+                "component_watched",
+                "Time of spinning, in which stalls of the core are measured.",
+            ),
             self.each(|c| seconds(c.stalls.watched_ns)),
         )?;
         families.counter(

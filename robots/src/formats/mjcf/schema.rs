@@ -156,7 +156,7 @@ pub(crate) const MESH: Schema = Schema {
         // solid's.
         (Use::Read, &["inertia"]),
         (Use::NoEffect, &["smoothnormal", "maxhullvert", "content_type", "material"]),
-        (Use::Refused("move the mesh in its file, or the geom"), &["refpos", "refquat"]),
+        (Use::Refused("move the mesh in its file, or move the geom"), &["refpos", "refquat"]),
         (Use::Refused("write the mesh to a file"), &["builtin", "params"]),
     ],
 };

@@ -146,9 +146,9 @@ pub enum UrdfProblem {
     TwoParents {
         /// Name of the link.
         link: String,
-        /// Name of one joint.
+        /// Name of the first joint.
         first: String,
-        /// Name of the other joint.
+        /// Name of the second joint.
         second: String,
     },
     /// Several links, with these names, have no parent joint.
@@ -227,7 +227,7 @@ pub enum UrdfProblem {
         /// Mass of the link \[kg\].
         mass: f64,
     },
-    /// Any other problem, with its message.
+    /// A problem that has no separate variant, with its message.
     #[error("{0}")]
     Reader(String),
 }

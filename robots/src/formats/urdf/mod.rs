@@ -38,8 +38,8 @@ use crate::{LoadOptions, MimicMode, PackagePath};
 /// Parses URDF `text`. `file` is the path of the text, which is used in messages and to find meshes.
 ///
 /// The parser reads links, joints with their safety controllers, inertias, collision geometry, and the
-/// reduction and rotor inertia of transmissions. Visuals, materials and extensions of other programs are
-/// skipped.
+/// reduction and rotor inertia of transmissions. Visuals, materials and the extension elements of simulators
+/// are skipped.
 ///
 /// # Errors
 ///

@@ -1,5 +1,5 @@
-//! Plausibility of a whole model: followers with narrower limits than their leaders, sizes, inertias and
-//! limits in another unit.
+//! Plausibility of a whole model. Finds mimic joints (followers) with narrower limits than the joints that
+//! they follow, and sizes, inertias and limits that were probably written in the wrong unit.
 
 use core::f64::consts::PI;
 

@@ -86,7 +86,7 @@ fn cpu_limit(draft: &Draft<'_, '_>, schedule: Schedule, period_ns: u64, report: 
     if limit.ns < shortest.ns {
         report
             .error(format!("the `cpu_limit` of component `{}` is {limit}", draft.name))
-            .label(&at.span, "shorter than its budget, or than the kernel can measure")
+            .label(&at.span, "shorter than the budget, or too short for the kernel to measure")
             .advise(format!("write `{shortest}` or more, or leave `cpu_limit` out"));
     }
     Some(limit.ns)

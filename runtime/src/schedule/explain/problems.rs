@@ -139,7 +139,7 @@ fn not_known(analysis: &Analysis<'_>, problems: &mut Vec<Problem>) {
         };
         problems.push(Problem {
             severity: Severity::Warning,
-            message: format!("{words}: response times that depend on it cannot be verified"),
+            message: format!("{words}, so dependent response times cannot be verified"),
             arithmetic: None,
             advice: advice.to_string(),
         });

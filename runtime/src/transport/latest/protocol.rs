@@ -11,8 +11,8 @@
 //!   slot before it checks the pins.
 //!
 //! With two more slots than pins, the writer always finds a free slot. A killed reader leaves one slot pinned
-//! until its successor pins another. A killed writer leaves the last announced value and one slot without a
-//! mark.
+//! until its successor pins a new slot. A killed writer leaves the last announced value and one slot without
+//! a mark.
 
 use core::fmt::Debug;
 use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
