@@ -94,7 +94,11 @@ impl Dynamics {
     #[inline(always)]
     fn check(&self, model: &Model, q: &[f64]) {
         assert_eq!(q.len(), model.nq(), "length of q");
-        assert_eq!(self.local.len(), model.bodies().len() + 1, "the workspace was made for another model");
+        assert_eq!(
+            self.local.len(),
+            model.bodies().len() + 1,
+            "the workspace was made for a different model"
+        );
     }
 
     #[inline(always)]

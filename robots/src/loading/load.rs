@@ -27,8 +27,8 @@ pub struct Loaded {
     pub model: Model,
     /// Warnings about defects of the robot's file, to be shown to the user.
     pub warnings: Vec<ModelWarning>,
-    /// Profile of the robot: from the catalogue, or from the `.toml` file with the name and in the folder of
-    /// the robot file. `None` if the robot has no profile.
+    /// Profile of the robot: from the catalogue, or from the `.toml` file with the same name and in the same
+    /// folder as the robot file. `None` if the robot has no profile.
     pub profile: Option<Profile>,
     /// Named poses of the SRDF, which is in the folder of the robot file or in a folder `srdf` next to that
     /// folder.

@@ -92,7 +92,7 @@ pub struct SafetyController {
     pub k_velocity: f64,
 }
 
-/// Source of a joint's position: an independent coordinate, or another joint.
+/// Source of a joint's position: an independent coordinate, or the joint that a mimic joint follows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Coordinate {
     /// Independent coordinate: index in the joints' part of `q`

@@ -229,7 +229,7 @@ pub(super) struct ComponentTable<'i> {
     pub robots: Option<At<Vec<At<String>>>>,
     /// Rate at which the component steps.
     pub rate: Option<At<Rate>>,
-    /// Topic that triggers the component: it steps whenever the topic is published. The component must
+    /// Topic that triggers the component: the component steps whenever the topic is published, and must
     /// subscribe to it.
     pub trigger: Option<At<TopicName>>,
     /// Events outside the graph that trigger the component, for kinds that can wait for such events.

@@ -25,8 +25,8 @@ const YOUNG: Duration = Duration::from_secs(5);
 /// The folder of one run: `$XDG_RUNTIME_DIR/motorium/RUN` if that variable is set, otherwise
 /// `/dev/shm/motorium-UID/RUN`. It is stored in memory, private to the user, and removed when the run ends.
 ///
-/// The launcher and its guard hold a [lock](Lock) on the folder, which the system releases when they end. The
-/// lock shows in any process namespace whether the run is alive.
+/// The launcher and its guard hold a [lock](Lock) on the folder, which the system releases when they end.
+/// From any process namespace, the lock shows whether the run is alive.
 #[derive(Debug, Clone)]
 pub struct RunFolder {
     path: PathBuf,

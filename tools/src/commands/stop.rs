@@ -162,7 +162,7 @@ fn end(run: &LivingRun, json: bool) -> anyhow::Result<ExitCode> {
     let within = END_WITHIN + Duration::from_nanos(run.plan.settle_ns());
     if !launcher.wait(Some(within)) {
         anyhow::bail!(
-            "its launcher does not end the run within {} s; `motorium stop --now` stops the robot without it",
+            "its launcher does not end the run within {} s; `motorium stop --now` stops the robot without the launcher",
             within.as_secs()
         );
     }

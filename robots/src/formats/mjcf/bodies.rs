@@ -277,7 +277,7 @@ impl<'b, 'a, 'i> Tree<'b, 'a, 'i> {
             return Err(self.two_robots(node));
         }
         if !around.top {
-            return Err(joint.fault("a free joint belongs to a body of the world"));
+            return Err(joint.fault("only a body of the world can have a free joint"));
         }
         let sites = self.sites.iter_mut().map(|(_, frame)| frame);
         self.frames.iter_mut().chain(sites).for_each(|frame| frame.in_world = true);

@@ -36,7 +36,7 @@ pub(super) fn resolve(
         report
             .error(format!("component `{name}` has a phase but no rate"))
             .label(&phase.key, "does not apply to a component released by events")
-            .and(&at.key, "it steps when an event arrives")
+            .and(&at.key, "the component steps when an event arrives")
             .advise("leave `phase` out");
     }
     can_wait(draft, at, report);
@@ -95,11 +95,11 @@ pub(super) fn not_by_the_clock<'d>(
 ) -> Option<(&'d Span, &'static str, &'static str)> {
     if let Some(trigger) = &draft.table.trigger {
         let why = "does not apply to a triggered component";
-        return Some((&trigger.key, why, "it steps when this topic is published"));
+        return Some((&trigger.key, why, "the component steps when this topic is published"));
     }
     let activate = draft.table.activate.as_ref()?;
     let why = "does not apply to a component released by events";
-    Some((&activate.key, why, "it steps when an event arrives"))
+    Some((&activate.key, why, "the component steps when an event arrives"))
 }
 
 /// Returns advice for a component without an activation whose kind has a descriptor.

@@ -167,7 +167,7 @@ fn start(
                 report
                     .error(format!("component `{}` has a phase but no rate", draft.name))
                     .label(&phase.key, "does not apply to a triggered component")
-                    .and(&trigger.key, "it steps when this topic is published")
+                    .and(&trigger.key, "the component steps when this topic is published")
                     .advise("leave `phase` out");
             }
             find_trigger(component, draft, trigger, wiring, report)

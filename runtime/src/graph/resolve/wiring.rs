@@ -196,7 +196,7 @@ fn unknown_port(draft: &Draft<'_, '_>, direction: Direction, port: &str, place: 
         let names = draft.ports(direction).map(|declared| declared.name.as_str());
         match nearest(port, names) {
             Some(near) => format!("did you mean `{near}`?"),
-            None => "wire one of them, or leave this out".to_string(),
+            None => "wire one of them, or remove this entry".to_string(),
         }
     };
     report

@@ -221,7 +221,7 @@ fn describe(name: &str, bus: &RealBus, found: &Found) -> String {
         let why = if counts.unacknowledged > 0 || counts.queue_full > 0 {
             "nobody acknowledges: power, bitrate, termination?"
         } else {
-            "they may be off, speak another protocol, or have another bitrate"
+            "the devices may be off, speak a different protocol, or use a different bitrate"
         };
         text += &format!("no device answers on `{name}`: {why}\n");
     }

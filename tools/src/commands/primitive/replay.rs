@@ -79,7 +79,7 @@ fn via(text: &str) -> Result<ViaPoint, String> {
         return Err(format!("invalid phase `{phase}`, expected a number from 0 to 1"));
     };
     if !(0.0..=1.0).contains(&phase) {
-        return Err(format!("a phase of {phase}, expected from 0 to 1"));
+        return Err(format!("a phase of {phase}, expected a number from 0 to 1"));
     }
     let deviation = parts.next().map_or(Ok(1e-4), positive)?;
     Ok(ViaPoint { phase, position: numbers(place)?.0, deviation })
