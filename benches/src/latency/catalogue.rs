@@ -84,7 +84,7 @@ pub(super) fn group(name: &str) -> Option<&'static str> {
     GROUPS.iter().find(|(_, names)| names.contains(&name)).map(|(group, _)| *group)
 }
 
-/// Returns all cases, in the order of measurement. Compared cases are adjacent.
+/// Returns all cases, in the order of measurement. Cases that are compared with each other are adjacent.
 pub fn catalogue() -> Vec<Case> {
     use Transport::{
         Blocking, CacheLine, Futex, Plain, PlainBlocking, PlainBlockingChecked, PlainChecked, Polling, Stock,

@@ -144,8 +144,8 @@ pub(super) struct CoresTable {
     /// Cores for real-time components. Default: the last core of the machine.
     #[schemars(length(min = 1), extend("uniqueItems" = true))]
     pub realtime: Option<At<Vec<At<usize>>>>,
-    /// Cores for everything else. Default: all cores that are not real-time; on a machine with one core, that
-    /// core.
+    /// Cores for everything that is not real-time. Default: all cores that are not listed in `realtime`; on a
+    /// machine with one core, that core.
     #[schemars(length(min = 1), extend("uniqueItems" = true))]
     pub shared: Option<At<Vec<At<usize>>>>,
 }

@@ -107,7 +107,7 @@ pub struct ComponentReport {
     pub execution_ns: Percentiles,
     /// CPU times of steps, ns, including waiting and waking but not spinning.
     pub cpu_ns: Percentiles,
-    /// Time of spinning before a release, at the end of the run, ns.
+    /// Time before a release at which the component started spinning, as adapted by the end of the run, ns.
     pub spin_ns: u64,
     /// Stalls of the machine, measured while the component was spinning.
     pub stalls: Stalls,

@@ -60,8 +60,8 @@ pub struct RestartPlan {
     pub at_most: u32,
     /// Time window over which restarts are counted, ns.
     pub window_ns: u64,
-    /// Time within which a restarted component must complete a step, ns. A component that does not counts as
-    /// failed again.
+    /// Time within which a restarted component must complete a step, ns. A component that takes longer counts
+    /// as failed again.
     pub within_ns: u64,
 }
 

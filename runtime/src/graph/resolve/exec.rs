@@ -62,7 +62,7 @@ pub enum ExecProblem {
         /// Last line that the program printed on standard error.
         stderr: String,
     },
-    /// The program was built with a version of motorium other than the version that queries it.
+    /// The program and the process that queries it were built with different versions of motorium.
     #[error("program `{}` was built with motorium {found}, expected motorium {VERSION}", path.display())]
     Version {
         /// Path of the program.
@@ -70,8 +70,8 @@ pub enum ExecProblem {
         /// Version with which the program was built.
         found: String,
     },
-    /// The program was built with the version of motorium that queries it, but the two lay out shared memory
-    /// differently.
+    /// The program and the process that queries it were built with the same version of motorium, but lay out
+    /// shared memory differently.
     #[error("program `{}` lays out shared memory differently from this build of motorium {VERSION}", .0.display())]
     Memory(PathBuf),
 }

@@ -122,7 +122,9 @@ mod tests {
         let warn = Finding::warn("b", "x", "y");
         let fail = Finding::fail("c", "x", "y");
         assert!(conclusion(std::slice::from_ref(&pass)).contains("is fit for real time"));
-        assert!(conclusion(&[pass.clone(), warn.clone()]).contains("1 of the findings above could be better"));
+        assert!(
+            conclusion(&[pass.clone(), warn.clone()]).contains("1 of the findings above could be better")
+        );
         let text = anstream::adapter::strip_str(&conclusion(&[pass, warn, fail])).to_string();
         assert_eq!(text, "not fit: 1 of the checks above failed, 1 could be better");
     }
