@@ -64,8 +64,8 @@ pub struct PingPong {
     pub cores: [usize; 2],
     /// `SCHED_FIFO` priority of both processes; 0 for normal time sharing.
     pub fifo: u8,
-    /// Number of round trips. Each round trip yields two samples, or one sample with a pace and for the cache
-    /// line.
+    /// Number of round trips. A round trip yields two samples. With a pace, and for [`Transport::CacheLine`],
+    /// a round trip yields one sample.
     pub rounds: usize,
     /// Number of warm-up rounds before the recorded rounds.
     pub warm_up: usize,

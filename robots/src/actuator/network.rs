@@ -145,7 +145,7 @@ fn number(name: &str) -> Option<u64> {
 /// An actuator network with the interpretation of its inputs and output.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NetworkSettings {
-    /// Weights of the network, which has two inputs for each of `times`.
+    /// Weights of the network, which has two inputs for each entry of `times`.
     pub weights: NetworkWeights,
     /// Ages of the input measurements \[s\], in the order of the inputs.
     pub times: Vec<f64>,

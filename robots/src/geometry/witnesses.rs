@@ -78,7 +78,7 @@ impl Collisions {
     pub const MOST_WITNESSES: usize = 12;
 
     /// Appends witnesses of a pair to `found`: pairs of opposite points that may become the nearest points
-    /// after a small rotation. The maximum number is `most`, but at most
+    /// after a small rotation. Their number is at most `most`, and never above
     /// [`MOST_WITNESSES`](Self::MOST_WITNESSES). `nearest` is the result of [`distance`](Self::distance) at
     /// the current poses; its points are not appended. Each witness has the normal of `nearest`. The distance
     /// of a witness is the gap along this normal, which is at least the distance of `nearest`.

@@ -10,8 +10,8 @@ use crate::declare::{ConfigError, Declare, StepError};
 ///
 /// The trait has the methods of [`Component`](super::Component), but passes the configuration as JSON.
 /// Components usually open the ports of [`raw`](crate::raw), whose types are also only known at run time.
-/// [`Declare::resets`] declares that the component can be reset. `program::main_of` is the `main` function of
-/// its program, which a graph names by `exec`.
+/// [`Declare::resets`] declares that the component can be reset. The `main` function of its program calls
+/// `program::main_of`, and a graph names the program by `exec`.
 ///
 /// ```no_run
 /// use motorium::component::{ConfigureError, DynamicComponent, Setup, Tick};

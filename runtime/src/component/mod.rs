@@ -68,8 +68,8 @@ pub struct Tick {
     /// run, after [`reset`](Component::reset) in lockstep, and after
     /// [`begin_episode`](Component::begin_episode) in real time.
     pub begins_episode: bool,
-    /// True for an actuator once the run is stopping or has ended. The actuator then brings its robot to rest
-    /// and no longer counts statistics. Components that are not actuators do not step.
+    /// True for an actuator once the run is stopping or has ended. The actuator then brings its robot to
+    /// rest, and its steps are not counted in its statistics. Components that are not actuators do not step.
     pub settling: bool,
 }
 

@@ -16,7 +16,7 @@ impl Setup {
     /// helper thread.
     ///
     /// # Errors
-    /// The control block of the run cannot be mapped again.
+    /// The control block of the run cannot be mapped a second time.
     pub fn observer(&self) -> Result<Observer, ConfigureError> {
         let region = self.run().region().map_err(ConfigureError::failed)?;
         Ok(Observer { plan: Arc::new(self.plan().clone()), domain: self.domain().clone(), region })

@@ -32,7 +32,8 @@ pub struct RobotReference {
     /// file.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub profile: Option<PathBuf>,
-    /// Folders to search first for the packages that the model's files refer to.
+    /// Folders that are searched for the packages of the model's files, before the folders in
+    /// `ROS_PACKAGE_PATH` and `AMENT_PREFIX_PATH`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub package_path: Vec<PathBuf>,
     /// Table of the keys `joints`, `fixed`, `frame`, `start` and `gains` of the robot in the graph file, with

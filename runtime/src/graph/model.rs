@@ -120,7 +120,8 @@ impl<'i> GraphTable<'i> {
 #[derive(Debug, JsonSchema)]
 #[schemars(deny_unknown_fields, rename = "Episodes")]
 pub(super) struct EpisodesTable {
-    /// Number of episodes. Each lasts for `duration`, or until the component with `ends_episode` ends it.
+    /// Number of episodes. An episode lasts for `duration`, or until the component with `ends_episode` ends
+    /// the episode.
     #[schemars(range(min = 1), extend("default" = defaults::EPISODES))]
     pub count: Option<At<u64>>,
     /// If true, each episode has a separate seed: the graph's seed plus the index of the episode.
@@ -242,8 +243,8 @@ pub(super) struct ComponentTable<'i> {
     /// Scheduling class: real-time or not.
     #[schemars(extend("default" = defaults::SCHEDULE))]
     pub schedule: Option<At<Schedule>>,
-    /// Real-time priority. Default: the faster the component, the higher. In a trigger chain, it is the
-    /// priority of the chain's head.
+    /// Real-time priority. Default: the faster the component, the higher the priority. In a trigger chain, it
+    /// is the priority of the chain's head.
     #[schemars(range(min = 1, max = 98))]
     pub priority: Option<At<i64>>,
     /// Time before each release at which the component starts spinning. Overrides `[realtime]`; only with

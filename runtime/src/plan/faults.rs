@@ -23,7 +23,7 @@ pub enum OnOverrun {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum OnError {
-    /// The component fails; `restart` and `on_failure` take effect.
+    /// The component fails, and its policies `restart` and `on_failure` take effect.
     Fail,
     /// Report and count the error. The component continues, and its readers keep the previous value.
     Hold,

@@ -80,7 +80,8 @@ impl Plan {
 /// The episodes of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct EpisodesPlan {
-    /// Number of episodes. Each lasts for the duration of the plan, or until a component ends it.
+    /// Number of episodes. An episode lasts for the duration of the plan, or until a component ends the
+    /// episode.
     pub count: u64,
     /// If true, the seed of each episode is the plan's seed plus the episode's index; otherwise it is the
     /// plan's seed.

@@ -36,7 +36,8 @@ pub(super) struct TraceRing<'a> {
     pub(super) slots: &'a [TraceSlot],
 }
 
-/// An event in the trace of a component. The event of a step follows the publications and reads in that step.
+/// An event in the trace of a component. The event of a step comes after the events of publications and reads
+/// in the same step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TraceEvent {
     /// A step has ended.

@@ -34,7 +34,7 @@ impl CanFrame {
     pub const FD: u32 = 2;
     /// Flag: the data was sent at the higher CAN FD bit rate.
     pub const BIT_RATE_SWITCH: u32 = 4;
-    /// Flag: a remote frame, which requests data and contains none.
+    /// Flag: a remote frame, which requests data but contains no data.
     pub const REMOTE: u32 = 8;
     /// Flag: an error frame in the format of Linux SocketCAN.
     pub const ERROR: u32 = 16;

@@ -80,7 +80,7 @@ impl Browser {
     /// Opens a page in a new browser, whose window has this width and height in pixels.
     ///
     /// # Errors
-    /// No browser is installed, or it does not start.
+    /// No browser is installed, or the browser does not start.
     pub fn open(address: &str, (width, height): (u32, u32)) -> Result<Self, BrowserError> {
         let program = Self::find().ok_or(BrowserError::Missing)?;
         let failed = |reason: String| BrowserError::Start { program: program.clone(), reason };

@@ -283,7 +283,7 @@ pub enum ModelWarning {
         element: String,
         /// Name of the element.
         found: String,
-        /// Name of the element in which it has an effect.
+        /// Name of the parent element in which the element has an effect.
         expected: &'static str,
         /// Position of the element.
         at: Position,

@@ -41,8 +41,8 @@ pub(super) struct Wiring {
     pub topics: Vec<String>,
     /// All wires, per component, in file order.
     pub wires: Vec<Wire>,
-    /// True if the wiring is incomplete because outputs were rejected. A topic may then have a writer
-    /// although none is found.
+    /// True if the wiring is incomplete because outputs were rejected. A topic may therefore have a writer
+    /// that is not listed.
     pub incomplete: bool,
 }
 
