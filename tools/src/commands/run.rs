@@ -96,7 +96,10 @@ pub(crate) struct Run {
 fn pace(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(factor) if factor.is_finite() && factor > 0.0 => Ok(factor),
-        _ => Err("expected a number above 0: the seconds of simulated time per second of real time".to_string()),
+        _ => {
+            Err("expected a number above 0: the seconds of simulated time per second of real time"
+                .to_string())
+        }
     }
 }
 

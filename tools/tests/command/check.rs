@@ -149,7 +149,7 @@ fn check_uses_saved_calibration_of_this_machine() {
     std::fs::write(&file, saved.replace("\"cores\": ", "\"cores\": 9")).expect("written");
     let (counted, origin) = overheads(folder.path());
     assert_eq!(counted, cautious);
-    assert!(origin.contains("another machine"), "{origin}");
+    assert!(origin.contains("a different machine"), "{origin}");
     // as saved by an older motorium, with fewer numbers
     std::fs::write(&file, saved.replace("timer_ns", "other_ns")).expect("written");
     let (counted, origin) = overheads(folder.path());
