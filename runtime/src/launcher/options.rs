@@ -94,8 +94,9 @@ impl Options {
         if let Some(name) = self.stand_in.iter().find(|name| plan.components.iter().all(|c| c.name != **name))
         {
             let names: Vec<&str> = plan.components.iter().map(|component| component.name.as_str()).collect();
-            let reason = format!("the graph has no component `{name}`, but {}", names.join(", "));
-            return unsuitable("standing in for a component", reason, "name one of these");
+            let reason =
+                format!("the graph has no component `{name}`; its components are {}", names.join(", "));
+            return unsuitable("replacing a component", reason, "name one of its components");
         }
         if self.hosting != Hosting::Inline {
             return Ok(());
