@@ -192,7 +192,7 @@ mod tests {
         let expected = ViaPoint { phase: 0.5, position: vec![0.1, -2.0], deviation: 1e-4 };
         assert_eq!(via("0.5:0.1,-2"), Ok(expected.clone()));
         assert_eq!(via("0.5:0.1,-2:0.01"), Ok(ViaPoint { deviation: 0.01, ..expected }));
-        assert_eq!(via("1.5:1").unwrap_err(), "a phase of 1.5, expected from 0 to 1");
+        assert_eq!(via("1.5:1").unwrap_err(), "a phase of 1.5, expected a number from 0 to 1");
         assert!(via("0.5").unwrap_err().contains("a colon"));
         assert!(via("0.5:a").unwrap_err().contains("`a` is not a number"));
     }
