@@ -1,4 +1,4 @@
-//! Distribution of measured durations, nothing trimmed.
+//! Distribution of measured durations, without removing outliers.
 
 use std::collections::BTreeMap;
 
@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 /// duration beyond.
 const FINE_BITS: u32 = 14;
 
-/// A distribution of durations, ns. Nothing is trimmed: `max` is the longest sample.
+/// A distribution of durations, ns. Outliers are not removed: `max` is the longest sample.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Distribution {
     /// Number of samples.
@@ -56,8 +56,8 @@ impl Distribution {
         }
     }
 
-    /// Computes the distribution of a histogram. Percentiles are bounds of their buckets: never too low, and
-    /// up to 3 % too high.
+    /// Computes the distribution of a histogram. Percentiles are upper bounds of their buckets, so they are
+    /// never too low and up to 3 % too high.
     pub fn from_histogram(histogram: &Histogram) -> Self {
         let percentiles = histogram.percentiles();
         Self {
@@ -71,7 +71,8 @@ impl Distribution {
         }
     }
 
-    /// Merges another distribution into this one. Percentiles are then bucket bounds.
+    /// Adds the samples of `other` to this distribution. Afterwards, percentiles are upper bounds of their
+    /// buckets.
     pub fn add(&mut self, other: &Self) {
         let mut buckets: BTreeMap<u64, u64> = self.buckets.iter().copied().collect();
         other.buckets.iter().for_each(|(bound, count)| *buckets.entry(*bound).or_default() += count);
@@ -84,8 +85,9 @@ impl Distribution {
         (self.p50, self.p99, self.p99_9) = (self.quantile(0.5), self.quantile(0.99), self.quantile(0.999));
     }
 
-    /// Returns the quantile `share` (0 to 1) as an upper bucket bound, ns: at least this share of all samples
-    /// does not exceed it. It equals the percentiles up to bucket resolution.
+    /// Returns the quantile `share` (0 to 1) as the upper bound of its bucket, ns: at least this share of all
+    /// samples does not exceed the result. The results agree with the percentile fields up to the width of a
+    /// bucket.
     pub fn quantile(&self, share: f64) -> u64 {
         let rank = rank(share, self.count);
         let mut seen = 0;
@@ -96,8 +98,8 @@ impl Distribution {
         bucket.map_or(0, |(bound, _)| (*bound).min(self.max))
     }
 
-    /// Returns the curve of latency against percentile. Each point has the share of all samples that are at
-    /// most a bucket's bound, and this bound (ns).
+    /// Returns the cumulative distribution as a curve. Each point is a pair: the share of all samples that do
+    /// not exceed the upper bound of a bucket, and this upper bound, ns.
     pub fn curve(&self) -> Vec<(f64, u64)> {
         let mut seen = 0;
         self.buckets

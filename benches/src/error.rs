@@ -34,7 +34,7 @@ pub enum MeasureError {
     /// The graph of a measurement ended early.
     #[error("the graph of the measurement ended early: {0}")]
     Ended(String),
-    /// Steps allocated heap memory.
+    /// Steps of a component allocated heap memory, which they must not.
     #[error("steps of `{component}` made {count} allocations, expected none")]
     Allocations {
         /// Name of the component in the graph.
@@ -50,10 +50,10 @@ pub enum MeasureError {
         /// Number of values read.
         read: u64,
     },
-    /// The user requested the end.
+    /// The user interrupted the measurement.
     #[error("interrupted")]
     Interrupted,
-    /// The machine lacks a requirement of the measurement.
+    /// The measurement has a requirement, given as text, that the machine lacks.
     #[error("the measurement requires {0}")]
     Needs(&'static str),
 }

@@ -1,5 +1,5 @@
-//! Components for the measurement of the command gate. One commands 7 joints; the other applies the commands,
-//! with or without the gate, and measures the time.
+//! Two components for the measurement of the command gate. The commander publishes commands for 7 joints. The
+//! actuator applies the commands, with or without the gate, and measures the time that this takes.
 
 use core::hint::black_box;
 

@@ -1,4 +1,4 @@
-//! Component for the floor of a triggered step: reads a joint state and does nothing else.
+//! Component that measures the lowest cost (floor) of a triggered step: it only reads a joint state.
 
 use motorium::component::{Component, ConfigureError, Setup, Tick};
 use motorium::declare::{ConfigError, Declare, StepError};

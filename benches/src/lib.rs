@@ -1,6 +1,8 @@
-//! Measurements of motorium against the floors of the machine and against peers.
+//! Measurements of motorium, compared with the floors of the machine (the lowest possible latencies) and with
+//! peers.
 //!
-//! `motorium bench latency` runs them; `cargo bench -p motorium-benches` runs the measurements of the models.
+//! `motorium bench latency` runs the measurements of latencies; `cargo bench -p motorium-benches` runs the
+//! measurements of computing times.
 
 pub mod distribution;
 mod episodes;

@@ -3,7 +3,7 @@
 use motorium::state::{Field as _, StateBuffer};
 use motorium::transport::Loan;
 
-/// A payload of numbers, all of them written by the sender and read by the receiver.
+/// A payload of numbers. The sender writes all numbers, and the receiver reads all of them.
 pub trait Payload: StateBuffer {
     /// Size of the payload, bytes.
     const BYTES: usize;
@@ -14,14 +14,14 @@ pub trait Payload: StateBuffer {
     /// Returns the numbers of the payload for writing.
     fn values_mut(&mut self) -> &mut [f64];
 
-    /// Writes a time (ns, below 2^52) into each number, plus as many units in the last place as the number's
-    /// index.
+    /// Writes a time (ns, below 2^52) into each number. To make all numbers different, adds to each number
+    /// its index in units in the last place.
     fn write(&mut self, time_ns: u64) {
         self.values_mut().iter_mut().zip(times::<Self>(time_ns)).for_each(|(value, time)| *value = time);
     }
 
     /// Writes a time like [`write`](Self::write), and checks each number while writing it. Returns `true` if
-    /// all are finite.
+    /// all numbers are finite.
     fn write_checked(&mut self, time_ns: u64) -> bool {
         f64::write_checked(self.values_mut(), times::<Self>(time_ns)).1
     }
@@ -31,7 +31,8 @@ pub trait Payload: StateBuffer {
         loan.fill_from(Self::values, times::<Self>(time_ns));
     }
 
-    /// Reads every number and returns their time; `None` if the times differ because the payload was torn.
+    /// Reads every number and returns the time that was written; `None` if the numbers contain different
+    /// times, because the payload was torn.
     fn read(&self) -> Option<u64> {
         let first = self.values()[0];
         let values = self.values().iter().zip(times::<Self>(first as u64));
@@ -74,8 +75,8 @@ macro_rules! payloads {
         /// Available sizes, bytes.
         pub const SIZES: &[usize] = &[$($bytes),*];
 
-        /// Calls `visitor` with the payload type of `bytes` bytes and returns its result; `None` for an
-        /// unknown size.
+        /// Calls `visitor` with the payload type of `bytes` bytes and returns the visitor's result; `None`
+        /// for an unknown size.
         pub fn with_payload<V: PayloadVisitor>(bytes: usize, visitor: V) -> Option<V::Output> {
             match bytes {
                 $($bytes => Some(visitor.visit::<$name>()),)*
@@ -98,7 +99,7 @@ pub trait PayloadVisitor {
     /// Result of the operation.
     type Output;
 
-    /// Runs the operation for one type.
+    /// Runs the operation for the payload type `P`.
     fn visit<P: Payload>(self) -> Self::Output;
 }
 

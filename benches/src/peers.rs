@@ -1,8 +1,8 @@
-//! Comparison with Python packages: a process of each is called over a pipe, alternating with motorium.
+//! Comparison with Python packages. A process per package is called over a pipe, alternating with motorium.
 //!
-//! The script of a comparison gets the name of a package as its argument. It prints the names of its works in
-//! one line, then reads the name of a work a line and answers with the nanoseconds of processor time of one
-//! call. It answers the line `values NAME WORDS` with numbers.
+//! The script of a comparison gets the name of a package as its argument. It first prints the names of its
+//! works (measured calls) in one line. It then reads lines: it answers a line with the name of a work by the
+//! processor time of one call, ns, and a line `values NAME WORDS` by numbers.
 
 use std::io::{BufRead, BufReader, Write};
 use std::path::Path;
@@ -25,8 +25,8 @@ pub struct Work {
 
 /// Prints the time of each of the `works`, for motorium and for every peer. `script` is a file in
 /// `benches/peers`. `MOTORIUM_PEER_PYTHON` names the Python that has the packages, by default `python3`.
-/// Ratios are the peers' times over motorium's. Arguments of this program after `--peers` select works by a
-/// part of their names. Returns the running peers.
+/// Ratios are the times of the peers divided by motorium's time. Arguments of this program after `--peers`
+/// select works by a part of their names. Returns the running peers.
 ///
 /// # Errors
 /// A peer does not start or does not answer. The error is a text.

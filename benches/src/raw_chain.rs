@@ -1,5 +1,5 @@
-//! The floor of a chain: processes on one core that pass on a payload in plain shared memory and wake one
-//! another by a futex, at priorities that rise along the chain, and do nothing else.
+//! The floor (lowest possible latency) of a chain: processes on one core that only pass on a payload in plain
+//! shared memory and wake one another by a futex, at priorities that rise along the chain.
 
 #![allow(unsafe_code)] // mapped bytes become words
 

@@ -1,4 +1,5 @@
-//! Components for the measurement of raw ports: one publishes a value in each step, one reads them all.
+//! Two components for the measurement of raw ports: the source publishes a value in each step, and the sink
+//! reads all values.
 
 use motorium::component::{Component, ConfigureError, RunClock, Setup, Tick};
 use motorium::declare::{ConfigError, Declare, StepError};

@@ -29,8 +29,8 @@ pub enum Role {
 }
 
 impl Role {
-    /// Parses the command line of a process; `None` for other command lines. A measuring program calls this
-    /// first.
+    /// Parses the command line of a process that a measurement has started; `None` for all other command
+    /// lines. A measuring program must call this function first.
     pub fn from_arguments(arguments: &[String]) -> Option<Self> {
         match arguments {
             [_, mark, side, folder] if mark == ROLE => {

@@ -13,9 +13,9 @@ pub const PERIOD_NS: u64 = 1_000_000;
 pub struct WakeUps {
     /// Time from each deadline to the first clock reading after it, ns.
     pub late_ns: Vec<u64>,
-    /// `SCHED_FIFO` priority during the measurement, read back; 0 for normal time sharing.
+    /// `SCHED_FIFO` priority during the measurement, as read back from the kernel; 0 for normal time sharing.
     pub fifo: u8,
-    /// `true` if the thread ran only on the requested core, read back.
+    /// `true` if the thread ran only on the requested core, as read back from the kernel.
     pub pinned: bool,
 }
 
@@ -23,7 +23,7 @@ pub struct WakeUps {
 /// runs on one core with the `SCHED_FIFO` priority `fifo` (0 for normal time sharing).
 ///
 /// # Errors
-/// The thread died.
+/// The measuring thread ended early.
 pub fn timer(core: usize, fifo: u8, wake_ups: usize) -> Result<WakeUps, MeasureError> {
     let measured = std::thread::scope(|scope| scope.spawn(|| timer_here(core, fifo, wake_ups)).join());
     measured.map_err(|_| MeasureError::system("measuring wake-ups", "the thread died"))
@@ -45,7 +45,7 @@ fn timer_here(core: usize, fifo: u8, wake_ups: usize) -> WakeUps {
     WakeUps { late_ns, fifo: applied.fifo_priority, pinned: applied.cores == [core] }
 }
 
-/// Measures the cost of reading the clock, ns, which is part of every sample of a hop.
+/// Measures how long reading the clock takes, ns. This time is part of every sample of a hop.
 pub fn clock() -> Vec<u64> {
     const LOOKS: u64 = 100;
     let mean = |_| {
@@ -58,10 +58,10 @@ pub fn clock() -> Vec<u64> {
     (0..2_000).map(mean).collect()
 }
 
-/// Cores of the measurements: the real-time core, and another one if available.
+/// Cores of the measurements: the real-time core, and a second core if the machine has one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Places {
-    /// Core of the real-time components of graphs: the last one.
+    /// Core of the real-time components of graphs: the last core of the machine.
     pub realtime: usize,
     /// Second core, for measurements across cores; `None` on a machine with one core.
     pub other: Option<usize>,

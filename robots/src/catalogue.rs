@@ -1,5 +1,5 @@
-//! Robots included in the crate, one folder each: `catalogue/<name>/<name>.urdf` and `<name>.toml`, and the
-//! meshes of modelled shells in `shells`.
+//! Robots included in the crate. The folder `catalogue/<name>` of a robot contains `<name>.urdf`,
+//! `<name>.toml` and, in `shells`, the meshes of its links.
 
 use std::sync::{Arc, LazyLock};
 

@@ -7,8 +7,8 @@ use std::path::Path;
 /// Reads a regular file of at most `longest` bytes.
 ///
 /// # Errors
-/// The file cannot be read or is longer than `longest`, or the path refers to a folder, a device or a pipe,
-/// which may be endless.
+/// The file cannot be read or is longer than `longest`, or the path refers to a folder, a device or a pipe.
+/// Devices and pipes are rejected because they may be endless.
 pub fn read_bounded(path: &Path, longest: u64) -> Result<Vec<u8>> {
     // Checked before opening: opening a pipe would block until its other end is open.
     let metadata = std::fs::metadata(path)?;

@@ -9,19 +9,19 @@
 //! - SI units, radians, `f64`. The world frame is the frame of the URDF's root link, unless the base floats.
 //! - `v`, `a` and `tau` have one entry per *independent* joint (revolute, continuous, prismatic): parents
 //!   before children, siblings in the order of the URDF file. A planar joint counts as two prismatic joints
-//!   and a revolute one. A continuous joint is one unbounded angle. On a fixed base `nq == nv`.
+//!   and a revolute joint. A continuous joint is one unbounded angle. On a fixed base, `nq == nv`.
 //! - With a floating base, `q` starts with the base's position in the world and its orientation, a quaternion
 //!   x y z w; `v` starts with the velocity of the base's origin and its angular velocity, both in base axes.
-//!   `a` starts with the derivative of these six numbers (the spatial acceleration, not the classical one),
-//!   and `tau` with a wrench at the base's origin in its axes. This is Pinocchio's convention;
-//!   [`Model::to_pinocchio`] and [`Model::to_mujoco`] convert the differences.
+//!   `a` starts with the derivative of these six numbers (the spatial acceleration, not the classical
+//!   acceleration), and `tau` starts with a wrench at the base's origin in base axes. These conventions are
+//!   Pinocchio's; [`Model::to_pinocchio`] and [`Model::to_mujoco`] convert the remaining differences.
 //! - The position of a mimic joint is `multiplier * q[of] + offset`. Its motion, forces and inertia are
 //!   included in the column of the joint that it follows.
 //! - Spatial vectors and the rows of a Jacobian have the linear part first, then the angular part.
 //! - A body frame is the frame of the URDF child link of its joint; links fixed to it are merged into it.
-//! - Joint damping and friction are read but not part of any dynamics quantity here; simulators add them.
-//!   Drive rotors in the file are included as an armature (reduction squared times inertia) on the diagonal
-//!   of `M`.
+//! - Joint damping and friction are read from the file, but no dynamics function of this crate includes them;
+//!   simulators add them. Drive rotors in the file are included as an armature (reduction squared times
+//!   inertia) on the diagonal of `M`.
 //!
 //! ```
 //! use motorium_robots::{Kinematics, load};

@@ -1,6 +1,6 @@
 //! Suggestions for misspelt names: "did you mean".
 
-/// Returns the candidate that is most similar to `wanted`; `None` if none is similar enough.
+/// Returns the candidate that is most similar to `wanted`, or `None` if no candidate is similar enough.
 ///
 /// The measure is the case-insensitive Damerau-Levenshtein distance, in which `-`, `_` and spaces are equal.
 /// A candidate is similar if the distance is at most a third of the letters of `wanted` (at least one). A

@@ -107,8 +107,8 @@ fn invalid_joints_are_rejected() {
     assert_eq!(
         joint_fault("spherical", ""),
         "robot.urdf:5:1: joint \"ab\" is spherical; only revolute, continuous, prismatic, planar and fixed joints are \
-         supported, and one floating joint that carries the rest of the robot (model it as a chain of these, with massless links \
-         between)"
+         supported, and one floating joint that carries the rest of the robot (model the joint as a chain of these, with \
+         massless links in between)"
     );
     let twice = joints(
         "<joint name=\"ab\" type=\"floating\"><parent link=\"a\"/><child link=\"b\"/></joint>\n\

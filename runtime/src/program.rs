@@ -19,11 +19,11 @@ pub enum Program {
     Describe,
     /// List the kinds of components that the program contains.
     Kinds,
-    /// Guard this run.
+    /// Guard this run: end it if its launcher dies.
     Guard(RunFolder),
     /// Free the slots that dead processes of this run occupy.
     Cleaner(RunFolder),
-    /// Run one component of a run.
+    /// Run one component of a graph.
     Worker {
         /// Folder of the run.
         folder: RunFolder,
@@ -33,7 +33,7 @@ pub enum Program {
 }
 
 impl Program {
-    /// Parses the arguments of a program. Returns `None` if they are not a request of motorium.
+    /// Parses the arguments of a program. Returns `None` if the arguments are not a request of motorium.
     pub fn from_arguments(arguments: &[String]) -> Option<Self> {
         match arguments {
             [_, first] if first == DESCRIBE => Some(Self::Describe),
@@ -64,9 +64,9 @@ pub fn main(kind: &Kind) -> ExitCode {
 /// Implements `main` for a program with one component whose kind, ports and configuration are only known at
 /// run time.
 ///
-/// Like a program made with [`main!`](crate::main), the program describes itself to `motorium check` and runs
-/// as a process of a graph that names it by `exec`. Its allocations are only counted if its global allocator
-/// is [`CountingAllocator`](crate::telemetry::CountingAllocator).
+/// Like a program made with [`main!`](crate::main), the program answers the queries of `motorium check`, and
+/// it runs as a process of each graph that names the program by `exec`. Allocations are only counted if the
+/// program's global allocator is [`CountingAllocator`](crate::telemetry::CountingAllocator).
 pub fn main_of(component: impl DynamicComponent) -> ExitCode {
     let arguments: Vec<String> = std::env::args().collect();
     match Program::from_arguments(&arguments) {
@@ -94,8 +94,8 @@ pub fn main_of(component: impl DynamicComponent) -> ExitCode {
 /// Prints the usage of a program with one component.
 fn introduce(arguments: &[String], kind: &str, summary: &str) -> ExitCode {
     eprintln!(
-        "{} is a motorium component ({kind}: {summary}).\nName it in a graph file, `exec = \"PATH\"`, and start that \
-         with `motorium run GRAPH.toml`.",
+        "{} is a motorium component ({kind}: {summary}).\nName it in a graph file, `exec = \"PATH\"`, and start the \
+         graph with `motorium run GRAPH.toml`.",
         arguments.first().map_or("this", String::as_str),
     );
     ExitCode::from(2)
@@ -159,7 +159,7 @@ fn guard(folder: &RunFolder) -> ExitCode {
     ExitCode::from(2)
 }
 
-/// Frees the slots that dead processes of a run occupy.
+/// Frees the slots of topics and parameters that dead processes of a run occupy.
 pub fn clean(folder: &RunFolder) -> ExitCode {
     crate::domain::quieten();
     match folder.domain() {

@@ -1,8 +1,8 @@
-//! The severity of a finding of a check.
+//! The severity of a problem found by a check: error or warning.
 
 use serde::Serialize;
 
-/// Severity of a finding in a graph file or in the analysis of the graph's schedule.
+/// Severity of a problem found in a graph file, or in the timing analysis of a graph.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Severity {

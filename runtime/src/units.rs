@@ -50,7 +50,7 @@ pub struct Rate {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{found}; {expected}")]
 pub struct UnitError {
-    /// Found value, as the end of a sentence that begins with the name of the key.
+    /// The found value, as the end of a sentence that begins with the name of the key.
     pub found: String,
     /// Expected values, with advice on how to write them.
     pub expected: String,

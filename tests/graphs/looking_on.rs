@@ -161,7 +161,7 @@ fn slices_of_any_size_are_echoed_in_place() {
     assert!(bytes.len() == 160 * 120 * 4 && bytes.iter().all(Value::is_u64), "{}", bytes.len());
     let text = printed(&["topic", "echo", "rover/points", "--run", id, "--every", "--count", "2"]);
     assert_eq!(text.matches("elements of motorium.CloudPoint").count(), 2, "{text}");
-    assert!(text.contains("  [0] x ") && text.contains("more, which --json prints"), "{text}");
+    assert!(text.contains("  [0] x ") && text.contains("more; --json prints all"), "{text}");
     let measured = json(&["topic", "hz", "rover/points", "--run", id, "--for", "1s", "--json"]);
     assert!(measured["received"].as_u64() > Some(1), "{measured}");
 }

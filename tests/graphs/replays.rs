@@ -142,7 +142,7 @@ fn command_lists_robots_moved_to_the_start() {
     assert!((795..=805).contains(&eased), "{controller}");
 
     let (report, said) = replay(&file, &["--live", "physics", "--ease-in", "400 ms"]);
-    assert!(said.contains("warning:") && said.contains("`physics` follows the recording"), "{said}");
+    assert!(said.contains("warning:") && said.contains("`physics` starts the recording"), "{said}");
     assert_eq!(report["results"]["controller"]["eased"], 0);
     let (report, said) = replay(&file, &[&both[..], &["--ease-in", "0 s"]].concat());
     assert!(!said.contains("first recorded pose") && report["duration_s"] == 0.2, "{said}");

@@ -1,10 +1,10 @@
 //! Distils the trot of `control.mpc` into a network: regression, then three rounds of DAgger.
 //!
 //! Sessions hosted inline run `graphs/policies/quadruped-trot/teacher.toml`: the quadruped, its sensors, and
-//! the teacher, which reads the same observations as the policy. Episodes differ in commands, pushes,
-//! friction and slope. The label of an observation is the position targets at which the drives exert the
-//! teacher's torques. In the first round these targets move the robot; in later rounds the network's targets
-//! gradually replace them. The result does not depend on the number of sessions.
+//! the teacher, which reads the observations that the policy will read. Episodes differ in commands, pushes,
+//! friction and slope. The label of an observation consists of the position targets at which the drives exert
+//! the teacher's torques. In the first round, the teacher's targets move the robot. In later rounds, the
+//! network's targets gradually replace them. The result does not depend on the number of sessions.
 //!
 //! ```console
 //! $ cargo run --release -p motorium-tools --example distil_trot -- --output graphs/policies/quadruped-trot

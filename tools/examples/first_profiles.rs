@@ -1,5 +1,5 @@
-//! Prints a table of the robots that stand or hold their pose, then reach another, with an unedited first
-//! profile.
+//! Prints a table of the robots that stand or hold their home pose and then reach a second pose with their
+//! unedited first profile.
 //!
 //! For each URDF and MJCF file in the folders, `motorium robot profile` writes a profile and a graph, and
 //! `motorium run` runs the graph in lockstep: the robot holds its home pose for 5 s, then reaches a pose of

@@ -1,9 +1,9 @@
 //! Tunes the trot of the quadruped: frequency, amplitude, duty factor and the phase of the knees.
 //!
-//! The search samples a generation of gaits. Inline sessions, one per core, evaluate them: each replaces the
-//! policy of `graphs/quadruped-trot.toml`, publishes the joint commands of its gait, and measures the
-//! distance travelled by the base. The distance depends neither on the core nor on gaits evaluated there
-//! before.
+//! The search samples a generation of gaits. Inline sessions, one per core, evaluate the gaits. A session
+//! replaces the policy of `graphs/quadruped-trot.toml`, publishes the joint commands of its gait, and
+//! measures the distance travelled by the base. The distance depends neither on the core nor on the gaits
+//! that the core evaluated before.
 //!
 //! ```console
 //! $ cargo run --release --example tune_trot -- --episodes 200

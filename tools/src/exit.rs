@@ -24,21 +24,21 @@ macro_rules! codes {
 codes! {
     /// Success.
     Done = 0, "the run finished or was interrupted, as the graph requires; the command succeeded";
-    /// Something failed.
+    /// The command failed, for example because a component could not be started.
     Failed = 1, "failure: a component could not be started, no run was found, a value was refused, a file cannot be read or would be overwritten, no actuator confirmed `motorium stop --now`";
-    /// Usage error; clap's code.
+    /// Usage error, such as an unknown option. clap uses the same number.
     Usage = 2, "usage error: an unknown command or option, an invalid value of an option; a component program started by hand";
-    /// A graph file, or another input file, is invalid.
+    /// An input file, such as a graph file, is invalid or missing.
     Invalid = 3, "an input file is invalid or missing: a graph, a robot, a benchmark (`bench compare`). Nothing was started";
     /// The run ended in a safe stop.
     SafeStop = 4, "the run ended in a safe stop";
     /// The machine is not suitable.
     Unfit = 5, "`motorium doctor`: the machine is not suitable";
-    /// A significant slowdown.
+    /// A benchmark found a significant slowdown.
     Slower = 6, "`motorium bench latency --ratchet`, `motorium bench compare`: a significant slowdown";
-    /// The run ended in good order, but not as the graph requires.
+    /// The run ended normally, but its report contains warnings.
     Incomplete = 7, "the run ended in good order, but not as the graph requires: `warnings` of the report name each shortfall ([below](#shortfalls)); `motorium recover`: messages are damaged or missing";
-    /// The run ended in good order, but a figure of its report is not as expected.
+    /// The run ended normally, but a figure in its report violates an expectation of the graph.
     Unmet = 8, "the run ended in good order, but a figure of its report is not as [expected](graph-file.md#expect)";
 }
 

@@ -33,7 +33,8 @@ use motorium::program::{Program, run_worker};
 
 pub use rollout::allowed_cores;
 
-/// Returns the clap description of the command line: every command, option and help text.
+/// Returns the clap description of the command line, with every command, option and help text. Shell
+/// completions and manual pages are generated from it.
 pub fn command() -> clap::Command {
     numeric(<commands::Cli as clap::CommandFactory>::command())
 }

@@ -1,6 +1,6 @@
-//! Standard output and standard error, written so that a closed pipe is not an error: `motorium library
-//! evaluate | head` ends quietly with the exit code that it would have had, and `motorium run 2>&1 | head`
-//! keeps running its robot.
+//! Standard output and standard error, written so that a closed pipe is not an error. For example, `motorium
+//! library evaluate | head` ends quietly with the exit code that it would have without `head`, and `motorium
+//! run 2>&1 | head` keeps running its robot.
 
 use std::fmt::Arguments;
 use std::io::{ErrorKind, Result, Write as _};

@@ -53,9 +53,9 @@ pub(crate) fn load() -> KnownOverheads {
             (overheads, "as measured on this machine by `motorium calibrate`")
         }
         Some(Ok(_)) => {
-            (Overheads::default(), "cautious values: the saved ones are of another machine or kernel")
+            (Overheads::default(), "cautious values: the saved values are from a different machine or kernel")
         }
-        Some(Err(_)) => (Overheads::default(), "cautious values: the saved ones cannot be read"),
+        Some(Err(_)) => (Overheads::default(), "cautious values: the saved values cannot be read"),
         None => {
             (Overheads::default(), "cautious values; `motorium calibrate --save` measures this machine's own")
         }

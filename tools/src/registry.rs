@@ -67,11 +67,11 @@ fn check_robot(robot: &RobotReference) -> Result<Vec<String>, ConfigError> {
     let loaded = crate::robots::load_in_world(robot).map_err(|error| match *error.source {
         LoadError::Profile { .. } if robot.profile.is_some() => {
             ConfigError::key("profile", error.source.to_string())
-                .advise("`motorium robot profile FILE` writes a valid one")
+                .advise("`motorium robot profile FILE` writes a valid profile")
         }
         LoadError::Read { path, source } if robot.profile.as_ref() == Some(&path) => {
             ConfigError::key("profile", format!("cannot read {}: {source}", path.display()))
-                .advise("`motorium robot profile FILE --output PROFILE.toml` writes a first one")
+                .advise("`motorium robot profile FILE --output PROFILE.toml` writes a first profile")
         }
         LoadError::Setting(error) => ConfigError::key(error.key, error.message),
         cause @ LoadError::NotMjcf(_) => ConfigError::key("mjcf", cause.to_string()),

@@ -1,4 +1,4 @@
-//! Humanoids: the one of the catalogue, and the reduced Talos (32 joints) of the PyPI package
+//! Humanoids: the humanoid of the catalogue, and the reduced Talos (32 joints) of the PyPI package
 //! example-robot-data.
 
 use std::path::{Path, PathBuf};

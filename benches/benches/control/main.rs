@@ -1,10 +1,10 @@
 //! Quadratic programs and whole control cycles: recorded streams solved by motorium and Clarabel,
 //! differential inverse kinematics of an arm and of a humanoid, strict priorities, inverse dynamics on two
-//! feet, the horizon of a trot. With `--peers`, the same alternating with solvers and libraries of PyPI. With
-//! `--tail`, the slowest torque cycles compared with plain arithmetic.
+//! feet, the horizon of a trot. With `--peers`, each measurement alternates with solvers and libraries of
+//! PyPI. With `--tail`, the slowest torque cycles are compared with plain arithmetic.
 //!
-//! The streams are files of recorded problems (`motorium qp solve --help`): `MOTORIUM_QPS` names their
-//! folder, by default `../shared/qps` next to the repository. Without it, only problems of motorium's own
+//! The streams are files of recorded problems (`motorium qp solve --help`) in the folder `MOTORIUM_QPS`, by
+//! default `../shared/qps` next to the repository. Without this folder, only problems of motorium's own
 //! cycles are used.
 
 mod bipeds;

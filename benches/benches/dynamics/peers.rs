@@ -1,4 +1,5 @@
-//! Comparison with Pinocchio: its driver is built here and called over a pipe, alternating with motorium.
+//! Comparison with Pinocchio. A driver program for Pinocchio is built and called over a pipe, alternating
+//! with motorium.
 
 use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};

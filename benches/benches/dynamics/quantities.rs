@@ -1,4 +1,5 @@
-//! The measured calls, over a ring of states so that branch prediction and caches do not learn them.
+//! The measured calls. They cycle through a ring of states, so that branch predictors and caches do not adapt
+//! to a single state.
 
 use motorium_robots::{Derivatives, Dynamics, FrameId, Kinematics, Reference};
 use nalgebra::{DMatrix, Matrix6xX, Vector3};

@@ -1,8 +1,8 @@
 //! Learning (criterion): search iterations, environment steps and training steps. With `--peers`, the
-//! searches are compared with cma and bayesian-optimization in one run, with `--training-peers` the time
-//! until a policy balances the cart-pole with Stable-Baselines3. `--returns "TASK ALGORITHM STEPS"... SEEDS`
-//! compares the returns of trained policies with Stable-Baselines3's. `--parts TASK...` prints the processor
-//! time of an environment step by part.
+//! searches are compared with cma and bayesian-optimization in one run. With `--training-peers`, the time
+//! until a policy balances the cart-pole is compared with Stable-Baselines3. `--returns "TASK ALGORITHM
+//! STEPS"... SEEDS` compares the returns of trained policies with Stable-Baselines3's. `--parts TASK...`
+//! prints the processor time of an environment step by part.
 
 mod cart_pole;
 mod parts;

@@ -1,5 +1,5 @@
 //! Processor time of an environment step by part, `--parts`: physics, the terms of the task, the roll-out and
-//! the update of PPO. One thread, so that the figures hardly depend on what else the machine runs.
+//! the update of PPO. Uses one thread, so that other programs on the machine hardly affect the figures.
 
 use motorium_learners::environment::{Scene, VectorEnvironment};
 use motorium_learners::ppo::{Ppo, PpoSettings};

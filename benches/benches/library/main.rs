@@ -1,9 +1,9 @@
 //! The motion library: learning, recognition, recursive update, generation.
 //!
 //! Uses the recorded letters next to the checkout (`../shared/data/uci-char-trajectories/train.jsonl`) if
-//! available, else the same number of synthetic letters. Peer: numpy's SVD of the same matrix takes 123 to
-//! 194 ms, its projection on 50 eigenforces 2.6 us, its recursive update at rank 50 0.66 ms, on this kind of
-//! machine.
+//! available, else the same number of synthetic letters. For comparison, numpy takes 123 to 194 ms for the
+//! SVD of the same matrix, 2.6 us for a projection on 50 eigenforces, and 0.66 ms for a recursive update at
+//! rank 50, on a similar machine.
 
 use std::hint::black_box;
 use std::path::Path;

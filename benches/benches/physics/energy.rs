@@ -1,6 +1,6 @@
 //! Energy without friction, stops and drives: a pendulum over 100 s, and over 30 s a humanoid that flies
-//! freely with all joints turning, by Euler's method and by the midpoint rule. Its thin links spin up: at a
-//! step of 1 ms both engines' integrators of first order lose the motion after 40 to 90 s.
+//! freely with all joints turning, by Euler's method and by the midpoint rule. The humanoid's thin links spin
+//! up: at a step of 1 ms, the first-order integrators of both engines lose the motion after 40 to 90 s.
 
 use std::path::{Path, PathBuf};
 

@@ -1,6 +1,6 @@
-//! Time of one simulated millisecond, for robots of the catalogue and a pile of boxes. With `--peers`,
-//! alternating with MuJoCo and PyBullet in one run. Then the steps per second of a batch, the parts of its
-//! steps, longer steps, and the energy of lossless motions.
+//! Computing time of one simulated millisecond, for robots of the catalogue and a pile of boxes. With
+//! `--peers`, the measurements alternate with MuJoCo and PyBullet in one run. Further measurements are the
+//! steps per second of a batch, the parts of its steps, longer steps, and the energy of lossless motions.
 
 mod batch;
 mod energy;

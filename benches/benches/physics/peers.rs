@@ -1,5 +1,5 @@
 //! Comparison with MuJoCo and PyBullet: a Python driver holds their simulations and is called over a pipe,
-//! alternating with motorium. It times library calls of [`STEPS`] steps each.
+//! alternating with motorium. The driver measures library calls of [`STEPS`] steps each.
 
 use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};

@@ -1,6 +1,6 @@
-//! The reduced Talos (32 joints and a free base) of the PyPI package example-robot-data, in its makers'
-//! posture, as files that both sides read: a URDF whose meshes are named by their paths, and a profile with
-//! the posture and stiff gains.
+//! The reduced Talos (32 joints and a free base) of the PyPI package example-robot-data, in the half-sitting
+//! posture of its SRDF. It is written as files that motorium and the peers read: a URDF with absolute mesh
+//! paths, and a profile with the posture and stiff gains.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};

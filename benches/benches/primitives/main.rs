@@ -1,4 +1,5 @@
-//! Movement primitives (criterion). With `--peers`, compared with movement_primitives and pydmps in one run.
+//! Benchmarks of movement primitives (criterion). With `--peers`, motorium is compared with
+//! movement_primitives and pydmps in one run.
 
 mod work;
 

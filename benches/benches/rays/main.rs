@@ -1,5 +1,6 @@
 //! Time of a lidar scan of 360 rays, a height scan of 187 points and a depth image of 160 x 120 on a
-//! table-top scene. With `--peers`, alternating with MuJoCo in one run, hits compared.
+//! table-top scene. With `--peers`, the measurements alternate with MuJoCo in one run, and the hits are
+//! compared.
 
 mod peer;
 mod table;

@@ -1,5 +1,5 @@
 //! Comparison with MuJoCo: a Python driver holds the scene and is called over a pipe, alternating with
-//! motorium. It times library calls of [`Scan::repeats`] scans each.
+//! motorium. The driver measures library calls of [`Scan::repeats`] scans each.
 
 use std::io::{BufRead, BufReader, Write};
 use std::path::Path;

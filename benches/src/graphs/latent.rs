@@ -1,4 +1,4 @@
-//! The latent model and the movement of a measured graph, in a folder that exists while it runs.
+//! The latent model and the movement of a measured graph, in a folder that exists while the graph runs.
 
 use std::path::Path;
 
@@ -48,7 +48,8 @@ const ROBOTS: [(&str, &[(&str, f64)]); 3] = [
     ),
 ];
 
-/// A folder with a model of a human and three arms, and a movement of the human; removed when dropped.
+/// A folder with a latent model of a human and three arms, and a movement of the human. The folder is removed
+/// when this value is dropped.
 #[derive(Debug)]
 pub struct LatentFiles(Folder);
 
@@ -58,8 +59,8 @@ impl LatentFiles {
     /// File name of the movement.
     pub const MOTION: &'static str = "take.csv";
 
-    /// Writes a model with the size of the one in `graphs/mimic`, and a movement. The training is short,
-    /// which does not affect the cost of a step.
+    /// Writes a model with the size of the model in `graphs/mimic`, and a movement. The model is only trained
+    /// for a short time, which does not affect the cost of a step.
     ///
     /// # Errors
     /// The folder cannot be written.

@@ -19,7 +19,7 @@ use crate::{Distribution, MeasureError};
 pub struct Ran {
     /// Report of the run.
     pub report: Report,
-    /// Release lateness of each component, ns.
+    /// Lateness of each component's steps after their releases, ns.
     pub lateness: Vec<Distribution>,
     /// Duration of the steps of each component, ns.
     pub execution: Vec<Distribution>,
@@ -36,7 +36,7 @@ impl Ran {
     /// Returns the durations of a component's steps, ns.
     ///
     /// # Errors
-    /// If the component made no step, or its steps allocated.
+    /// The component made no step, or its steps allocated heap memory.
     pub fn steps_of(&self, component: &str) -> Result<Distribution, MeasureError> {
         let none = || MeasureError::Ended(format!("`{component}` has made no step"));
         let components = &self.report.components;
@@ -61,7 +61,7 @@ impl Ran {
 /// Runs the graph file `text` to its end with `program`, which hosts `bench.relay`.
 ///
 /// # Errors
-/// If the graph cannot run here, did not start, or ended early.
+/// The graph cannot run on this machine, did not start, or ended early.
 pub fn run(program: &Path, registry: &Registry, name: &str, text: String) -> Result<Ran, MeasureError> {
     run_plan(program, registry, plan(registry, name, text)?)
 }

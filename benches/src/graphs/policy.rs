@@ -29,7 +29,7 @@ scale = 0.005
 clip = [-1.0, 1.0]
 "#;
 
-/// A folder with a policy of the Panda; removed when dropped.
+/// A folder with a policy of the Panda. The folder is removed when this value is dropped.
 #[derive(Debug)]
 pub struct PolicyFiles(Folder);
 

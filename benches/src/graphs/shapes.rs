@@ -61,8 +61,8 @@ pub fn caterpillar(seconds: u32, core: usize) -> String {
     text
 }
 
-/// Returns the graph file of one process at 1 kHz that triggers `readers` processes, `tail-1` to `tail-N`,
-/// all on one core.
+/// Returns the graph file of one process at 1 kHz that triggers `readers` processes, which are named `tail-1`
+/// to `tail-N`. All processes run on one core.
 pub fn fan_out(readers: usize, seconds: u32, core: usize) -> String {
     let mut text = head("bench-fan-out", 1_000, seconds, core);
     text.push_str("publish = { out = \"bench/0\" }\n");
@@ -72,8 +72,8 @@ pub fn fan_out(readers: usize, seconds: u32, core: usize) -> String {
     text
 }
 
-/// Returns the graph file of a commander of 7 joints at 1 kHz and the actuator triggered by it, on one core.
-/// `gated` selects whether the actuator uses the command gate.
+/// Returns the graph file of a component that commands 7 joints at 1 kHz, and an actuator that the commands
+/// trigger, on one core. The actuator uses the command gate if `gated` is true.
 pub fn gate(gated: bool, seconds: u32, core: usize) -> String {
     format!(
         "name = \"bench-gate\"\nduration = \"{seconds} s\"\n[cores]\nrealtime = [{core}]\n[component.commander]\n\
@@ -109,8 +109,8 @@ pub fn panda(seconds: u32) -> String {
 }
 
 /// Returns the graph file of a Panda held by the policy in `folder`: physics at 1 kHz, encoder, policy, joint
-/// targets. The policy runs at 50 Hz outside of the chain or, with `in_loop`, at each joint state as a part
-/// of the chain.
+/// targets. The policy runs at 50 Hz outside the trigger chain. If `in_loop` is true, it is part of the chain
+/// and runs at each joint state.
 pub fn policy(folder: &Path, in_loop: bool, seconds: u32) -> String {
     let (pace, trigger) = match in_loop {
         true => ("trigger   = \"panda/joint_state\"", "panda/action"),
@@ -148,8 +148,8 @@ max  = "600 us"
     .replace("duration = \"10 s\"", &format!("duration = \"{seconds} s\""))
 }
 
-/// Returns the graph file of [`policy`] at 50 Hz, with an additional component, `floor`, that is triggered by
-/// each joint state and does nothing.
+/// Returns the graph file of [`policy`] at 50 Hz with one more component, `floor`, which each joint state
+/// triggers and which does nothing.
 pub fn joint_reader(folder: &Path, seconds: u32) -> String {
     let floor = r#"[component.floor]
 kind      = "bench.joint_reader"

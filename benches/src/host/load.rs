@@ -1,4 +1,4 @@
-//! Background load at normal priority: the other work of a robot's computer.
+//! Background load at normal priority, which imitates the work of other programs on a robot's computer.
 
 use std::io::{Read as _, Write as _};
 use std::path::Path;
@@ -27,12 +27,13 @@ pub enum Loader {
 }
 
 impl Loader {
-    /// Returns the first available load: `stress-ng`, `hackbench`, or the built-in one.
+    /// Returns the first available load generator: `stress-ng`, `hackbench`, or the built-in generator.
     pub fn detect() -> Self {
         Self::named("stress-ng").or_else(|| Self::named("hackbench")).unwrap_or(Self::Own)
     }
 
-    /// Returns the load named `stress-ng`, `hackbench` or `own`; `None` if it is unknown or not installed.
+    /// Returns the load generator named `stress-ng`, `hackbench` or `own`; `None` if the name is unknown or
+    /// the generator is not installed.
     pub fn named(name: &str) -> Option<Self> {
         match name {
             "stress-ng" => {
@@ -83,7 +84,7 @@ impl Load {
     /// Starts the load. The built-in load needs a program that passes its arguments to [`Role`](crate::Role).
     ///
     /// # Errors
-    /// If a process could not be started.
+    /// A process could not be started.
     pub fn start(loader: &Loader, program: &Path) -> std::io::Result<Self> {
         let mut load = Self(Vec::new());
         let mut start = |program: &Path, arguments: &[String]| -> std::io::Result<()> {

@@ -1,4 +1,4 @@
-//! Machine line: describes the machine on which the figures were measured.
+//! Description of the machine on which figures were measured.
 
 use motorium::os::machine;
 use schemars::JsonSchema;

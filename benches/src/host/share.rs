@@ -19,37 +19,38 @@ pub struct HostShare {
     /// Stolen time, interrupts and soft interrupts of each core.
     #[serde(default)]
     pub cores: Vec<CoreReport>,
-    /// Causes of late steps; only for graphs.
+    /// Causes of late steps; `None` unless a graph was measured.
     #[serde(default)]
     pub causes: Option<Causes>,
-    /// Share of the tail that the bare machine shows in the same turns; only for releases and chains.
+    /// Share of the measurement's tail that the bare machine shows in the same turns; only for releases and
+    /// chains.
     #[serde(default)]
     pub floor: Option<FloorShare>,
 }
 
-/// Share of a tail that the bare machine shows as well: a sleeper on an otherwise idle core, or bare
-/// processes that wake each other by a futex.
+/// Share of a measurement's tail that the bare machine also shows. The bare machine is a sleeping thread on
+/// an otherwise idle core, or processes without motorium that wake each other by a futex.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct FloorShare {
     /// Name of the measurement of the bare machine.
     pub name: String,
-    /// Difference of the bare machine's p99.9 and p50, relative to the same difference of the measurement; at
-    /// most 1.
+    /// Difference between p99.9 and p50 of the bare machine, divided by the difference between p99.9 and p50
+    /// of the measurement; at most 1.
     pub share: f64,
 }
 
 /// Causes of lateness of all components of a graph, counted by their workers.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Causes {
-    /// Steps delayed by the host: ready to run, while nothing of this system ran.
+    /// Steps delayed by the host: they were ready to run while no thread of this system ran.
     pub stolen: u64,
-    /// Steps that started late: other threads had the core, or the timer was late.
+    /// Steps that started late, because other threads had the core or the timer was late.
     pub late_wake: u64,
     /// Steps that ran too long on their core, including interrupts and stalls that the host does not report.
     pub long_step: u64,
     /// Steps whose input arrived late.
     pub late_input: u64,
-    /// Number of core stalls while a component was spinning and only read the clock.
+    /// Number of stalls of the core, observed while a component was spinning and only read the clock.
     pub stalls: u64,
     /// Total duration of the stalls, ms.
     pub stalled_ms: f64,
@@ -99,7 +100,7 @@ impl HostShare {
         self.cores.iter().find(|report| report.core == core)
     }
 
-    /// Adds another part of the same measurement.
+    /// Adds `other`, a further part of the same measurement.
     pub fn add(&mut self, other: Self) {
         self.seconds += other.seconds;
         self.steal_ms += other.steal_ms;
@@ -115,7 +116,7 @@ impl HostShare {
         }
     }
 
-    /// Returns a short description: stolen time, the floor's share of the tail, misses by cause, stalls, and
+    /// Returns a short text: stolen time, the bare machine's share of the tail, misses by cause, stalls, and
     /// device interrupts on the core of the measurement. Empty if there is nothing to report.
     pub fn in_words(&self, core: usize) -> String {
         let mut words = Vec::new();

@@ -19,7 +19,7 @@ pub enum Victim {
     Component(String),
     /// The launcher: `motorium run`.
     Launcher,
-    /// The guard, which ends a run after its launcher died.
+    /// The guard, which ends a run after the launcher has died.
     Guard,
     /// `motorium topic echo` on the actuator's state.
     Observer,
@@ -56,14 +56,14 @@ pub enum Fault {
     Kill,
     /// `SIGABRT`, as sent by a failed assertion in foreign code.
     Abort,
-    /// `SIGSEGV`, sent until the process ends: the first one is swallowed by Rust's detection of stack
-    /// overflows.
+    /// `SIGSEGV`, sent repeatedly until the process ends, because Rust's detection of stack overflows handles
+    /// the first signal.
     Segfault,
     /// `SIGTERM`: requests the process to end.
     Terminate,
-    /// `SIGSTOP`, never continued: the process hangs.
+    /// `SIGSTOP`, after which the process is never continued, so that it hangs.
     Hang,
-    /// `SIGSTOP`, continued after a time.
+    /// `SIGSTOP`, after which the process is continued after a time.
     Pause,
 }
 
@@ -94,8 +94,8 @@ impl Fault {
         self == Self::Pause
     }
 
-    /// Returns `true` for a fault that ends `victim`. The guard ignores requests to end; it ends with the
-    /// run.
+    /// Returns `true` for a fault that ends `victim`. [`Terminate`](Self::Terminate) does not end the guard,
+    /// which only ends with the run.
     pub fn ends(self, victim: &Victim) -> bool {
         match self {
             Self::Kill | Self::Abort | Self::Segfault => true,

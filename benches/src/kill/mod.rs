@@ -24,7 +24,7 @@ use trial::{RunEnd, Trial};
 
 use crate::{Distribution, MeasureError};
 
-/// Faults to inject.
+/// Settings of a fault injection: the graph, and the faults to inject.
 #[derive(Debug, Clone)]
 pub struct Settings {
     /// The motorium command.
@@ -45,7 +45,7 @@ pub struct Settings {
     pub faults: Vec<Fault>,
 }
 
-/// The faults of one kind in one process.
+/// Results of all faults of one kind in one victim.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Cell {
     /// Process that received the fault.
@@ -56,8 +56,8 @@ pub struct Cell {
     pub count: u32,
     /// Time from the fault to the launcher's reaction.
     pub detected: Distribution,
-    /// Time from the fault to the moment when the last actuator other than the victim entered its safe
-    /// state. Only faults after which all these actuators entered it are counted.
+    /// Time from the fault to the moment when the last actuator, except for the victim, entered its safe
+    /// state. Only faults after which all these actuators entered the safe state are counted.
     pub safe: Distribution,
     /// Time from the fault to the first value published by the restarted component.
     pub restarted: Distribution,
@@ -65,8 +65,8 @@ pub struct Cell {
     pub hung: u32,
     /// Number of faults after which an actuator followed a stale command for too long.
     pub unsafe_outages: u32,
-    /// Most frequent outcome of these faults; `None` without an outcome. Pauses count only if they are long
-    /// compared with a command and short compared with a watchdog.
+    /// Most frequent outcome of these faults; `None` if no fault had an outcome. Pauses only count if they
+    /// are long compared with the maximum age of a command and short compared with a watchdog's time limit.
     pub outcome: Option<Outcome>,
 }
 
@@ -83,13 +83,13 @@ pub struct Summary {
     pub seconds: f64,
     /// Results for each victim and fault.
     pub cells: Vec<Cell>,
-    /// Number of hangs, after a fault or at the end of a run.
+    /// Number of times that a component did not recover from a fault or a run did not end.
     pub hangs: u32,
     /// Number of processes that outlived their run.
     pub strays: u32,
     /// Number of objects in shared memory that outlived their run.
     pub leaks: u32,
-    /// Number of runs that ended with an exit code other than 0, unless the launcher itself was killed.
+    /// Number of runs that ended with a nonzero exit code, unless the fault had killed the launcher.
     pub failed_runs: u32,
     /// Exit code and last printed lines of each failed run.
     pub failures: Vec<String>,
@@ -100,7 +100,7 @@ pub struct Summary {
 }
 
 impl Summary {
-    /// Returns `true` if every run ended in order and the robot was safe at all times.
+    /// Returns `true` if every run ended normally and the robot was safe at all times.
     pub fn is_clean(&self) -> bool {
         let counts = [self.hangs, self.strays, self.leaks, self.failed_runs, self.unsafe_outages];
         counts.iter().all(|count| *count == 0) && self.steps_beyond_a_velocity_limit == 0

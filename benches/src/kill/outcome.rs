@@ -13,7 +13,7 @@ pub enum Robot {
     GoesOn,
     /// The actuators enter their safe state. If the run continues, they then follow commands again.
     Safe,
-    /// The only actuator of the robot is the victim. No command is applied until the actuator is back.
+    /// The victim is the robot's only actuator. No command is applied until the actuator runs again.
     WithoutActuator,
 }
 
@@ -21,7 +21,7 @@ pub enum Robot {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum After {
-    /// The victim continues, or is not needed.
+    /// The victim continues, or the run does not need it.
     GoesOn,
     /// A new process has replaced the victim.
     Replaced,

@@ -7,7 +7,7 @@ use crate::raw_chain::{self, RawChain};
 use crate::read::Reader;
 use crate::{Distribution, MeasureError, read, timer};
 
-/// A measurement.
+/// A measurement that `motorium bench latency` can make.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Case {
     /// Name of the case.
@@ -18,7 +18,8 @@ pub struct Case {
     pub loaded: bool,
     /// `true` if `--quick` includes the case.
     pub quick: bool,
-    /// Group of compared cases, which are measured alternately in slices; `None` for a separate case.
+    /// Group of cases that are compared with each other and therefore measured alternately in slices; `None`
+    /// for a separate case.
     pub group: Option<&'static str>,
     kind: Kind,
 }
@@ -83,7 +84,7 @@ pub(super) fn group(name: &str) -> Option<&'static str> {
     GROUPS.iter().find(|(_, names)| names.contains(&name)).map(|(group, _)| *group)
 }
 
-/// Returns all cases, in the order of measurement. Compared cases are adjacent.
+/// Returns all cases, in the order of measurement. Cases that are compared with each other are adjacent.
 pub fn catalogue() -> Vec<Case> {
     use Transport::{
         Blocking, CacheLine, Futex, Plain, PlainBlocking, PlainBlockingChecked, PlainChecked, Polling, Stock,
@@ -218,8 +219,8 @@ fn size(bytes: usize) -> String {
 }
 
 impl Case {
-    /// Returns `true` if `word`, an argument of `--only`, selects the case: by its name, or by the beginning
-    /// of its name up to a dot.
+    /// Returns `true` if `word`, an argument of `--only`, selects the case. `word` may be the name of the
+    /// case or the beginning of the name up to a dot.
     pub fn is_meant_by(&self, word: &str) -> bool {
         self.name.strip_prefix(word).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
     }

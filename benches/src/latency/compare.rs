@@ -1,8 +1,9 @@
 //! Comparison of two benchmark files: changes beyond noise.
 //!
-//! The comparison uses ratios to a floor measured in the same file, because the machine or the placement of
-//! its cores may have changed. Noise is the spread of the ratios on one side, over the turns of a measurement
-//! and its floor and over several files.
+//! The comparison uses the ratio of each measurement to a floor (the lowest possible latency) that was
+//! measured in the same file, because the machine or the placement of its cores may have changed. Noise is
+//! the spread of these ratios on one side, over the turns of a measurement and its floor and over several
+//! files.
 
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -33,10 +34,10 @@ pub enum Direction {
     Slower,
     /// No change beyond noise.
     Same,
-    /// The ratio has changed, but so has the floor itself, by more than half: measure both on the same
+    /// The ratio has changed, but the floor has changed by more than half. Measure both sides on the same
     /// machine.
     FloorMoved,
-    /// A tail from too few runs: provide three files per side.
+    /// There are too few runs to compare a tail. Provide three files per side.
     TooFew,
 }
 
@@ -47,19 +48,22 @@ pub struct Change {
     pub name: String,
     /// The percentile: `p50` or `p99`.
     pub percentile: &'static str,
-    /// Name of the floor by which the measurement is divided, at the same percentile.
+    /// Name of the floor (the lowest possible latency) by whose value at the same percentile the measurement
+    /// is divided.
     pub floor: String,
     /// The median of the old ratios.
     pub old: f64,
-    /// The lowest and the highest old ratio; with five or more, the second lowest and the second highest.
+    /// The lowest and the highest old ratio. With five or more ratios, the second lowest and the second
+    /// highest ratio.
     pub old_range: [f64; 2],
     /// The median of the new ratios.
     pub new: f64,
-    /// The lowest and the highest new ratio; with five or more, the second lowest and the second highest.
+    /// The lowest and the highest new ratio. With five or more ratios, the second lowest and the second
+    /// highest ratio.
     pub new_range: [f64; 2],
     /// Relative change: `new / old`.
     pub change: f64,
-    /// The verdict.
+    /// Direction of the change.
     pub direction: Direction,
 }
 
@@ -75,7 +79,7 @@ pub struct Comparison {
 }
 
 impl Comparison {
-    /// Returns `true` if anything has become slower.
+    /// Returns `true` if at least one measurement has become slower.
     pub fn is_slower(&self) -> bool {
         self.changes.iter().any(|change| change.direction == Direction::Slower)
     }

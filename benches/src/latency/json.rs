@@ -1,4 +1,4 @@
-//! The file of a run: the machine, every raw histogram, and the table of targets.
+//! The file of a benchmark run: the machine, every raw histogram, and the table of targets.
 
 use std::path::Path;
 
@@ -20,7 +20,7 @@ pub struct Written {
     pub motorium: String,
     /// Arguments of the program, without its own name.
     pub arguments: Vec<String>,
-    /// Start time, s since 1970.
+    /// Start time of the measurements, s since 1970.
     pub began_unix_s: u64,
     /// The machine on which the measurements were made.
     pub machine: Machine,
@@ -55,7 +55,7 @@ pub enum ReadError {
     File {
         /// The file.
         file: String,
-        /// The reason.
+        /// Error of the operating system.
         error: std::io::Error,
     },
     /// The version of the format is missing or not supported.
@@ -71,7 +71,7 @@ pub enum ReadError {
     Content {
         /// The file.
         file: String,
-        /// The error and its position.
+        /// Error of the JSON parser, with its position.
         error: serde_json::Error,
     },
 }

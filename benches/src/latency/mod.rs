@@ -25,11 +25,11 @@ use crate::{Distribution, MeasureError};
 /// Settings of the measurements.
 #[derive(Debug)]
 pub struct Bench<'a> {
-    /// Program that hosts `bench.relay` and runs as a [`Role`](crate::Role), normally this one.
+    /// Program that hosts `bench.relay` and runs as a [`Role`](crate::Role), normally the current program.
     pub program: PathBuf,
     /// Component kinds of the program.
     pub registry: &'a Registry,
-    /// Cores to measure on.
+    /// Cores on which to measure.
     pub places: Places,
     /// `SCHED_FIFO` priority to request.
     pub fifo: u8,
@@ -39,9 +39,9 @@ pub struct Bench<'a> {
     pub paced: usize,
     /// Duration of each graph, s.
     pub seconds: u32,
-    /// Duration of the releases at 4 kHz, s.
+    /// Duration of the graph with releases at 4 kHz, s.
     pub fast_seconds: u32,
-    /// Duration of the Panda loop, s: its p99.9 needs many samples.
+    /// Duration of the Panda loop, s. It is a separate setting because the loop's p99.9 needs many samples.
     pub panda_seconds: u32,
     /// Generator of the background load.
     pub loader: Loader,
@@ -56,19 +56,21 @@ pub struct Measurement {
     pub what: String,
     /// Distribution of the samples, ns.
     pub ns: Distribution,
-    /// Lowest `SCHED_FIFO` priority among its processes, read back; 0 for normal time sharing.
+    /// Lowest `SCHED_FIFO` priority among the processes of the measurement, as read back from the kernel; 0
+    /// for normal time sharing.
     pub fifo: u32,
     /// Time stolen by the host of a virtual machine, and interrupts during the measurement.
     pub host: HostShare,
-    /// Medians of the slices in which compared measurements took turns, ns; empty without turns. The host of
-    /// a virtual machine moves the virtual cores between physical cores. This changes the distance between
-    /// the cores, so only adjacent slices are comparable.
+    /// Median of each slice, ns, if compared measurements took turns in slices; empty if they did not. Only
+    /// adjacent slices are comparable, because the host of a virtual machine moves virtual cores between
+    /// physical cores and thereby changes the distance between them.
     pub slices_p50: Vec<u64>,
 }
 
 impl Measurement {
-    /// Computes the share of the tail that the bare machine shows as well, from a sleeper for timer releases
-    /// and from bare futex processes for chains.
+    /// Computes the share of this measurement's tail that the bare machine also shows. For timer releases,
+    /// the bare machine is a sleeping thread; for chains, processes that wake each other by a futex. `all`
+    /// contains the measurements of the bare machine.
     pub fn compare_with_floor(&mut self, all: &[Self]) {
         let floor = match self.name.as_str() {
             "release.1khz" | "release.4khz" => "floor.timer",
@@ -155,7 +157,7 @@ impl Bench<'_> {
         Ok((outcome, watch.stop()))
     }
 
-    /// Measures compared cases in turns of one slice each.
+    /// Measures cases that are compared with each other, in turns of one slice each.
     pub fn measure_in_turns(&self, cases: &[Case]) -> Vec<Result<Measurement, MeasureError>> {
         let is_slow = |case: &Case| case.is_graph() || case.loaded;
         let slices = if cases.iter().any(is_slow) { SLOW_SLICES } else { SLICES };

@@ -1,4 +1,4 @@
-//! Targets: ratios within one run, each filled from the measurements or left open.
+//! Targets: upper limits on ratios between the measurements of one run.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -15,7 +15,7 @@ pub enum Verdict {
     Met,
     /// The target was missed.
     Missed,
-    /// A compared value was not measured in this run.
+    /// A value that the target compares was not measured in this run.
     NotMeasured,
 }
 
@@ -34,8 +34,8 @@ pub struct Target {
     pub verdict: Verdict,
     /// For a missed target: description of the influence of the machine and its host.
     pub host: Option<String>,
-    /// For a missed target: share of the excess that the bare machine shows itself, with the same measure in
-    /// the same run, 0 to 1. `None` without a comparable bare measurement.
+    /// For a missed target: share of the excess that a comparable measurement of the bare machine also shows
+    /// in the same run, 0 to 1. `None` without a comparable measurement.
     pub host_share: Option<f64>,
 }
 

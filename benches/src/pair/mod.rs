@@ -1,9 +1,9 @@
 //! Ping-pong between two processes: the floors of the machine and motorium's hops.
 //!
 //! A hop is measured in one direction: from the clock read before the payload is written to the clock read
-//! after the other process has read all of it. `CLOCK_MONOTONIC` is the same on all cores. The exception is
-//! the cache line: half of a round trip, with the clock read outside the measured path, so that the floor is
-//! as low as the machine allows.
+//! after the other process has read all of it. `CLOCK_MONOTONIC` is the same on all cores. The transport
+//! [`CacheLine`](Transport::CacheLine) is an exception: its time is half of a round trip, with the clock read
+//! outside the measured path, so that this floor is as low as the machine allows.
 
 mod floors;
 mod link;
@@ -34,15 +34,16 @@ use shared_buffer::SharedBuffer;
 pub enum Transport {
     /// One word of shared memory polled by both cores; no payload.
     CacheLine,
-    /// A word that both cores poll, and 512 bytes of plain shared memory.
+    /// A word that both cores poll, and a payload of 512 bytes in plain shared memory.
     Plain,
-    /// A word and a futex, and a payload of any size in plain shared memory.
+    /// A word and a futex that wakes the receiver, and a payload of any size in plain shared memory.
     PlainBlocking,
-    /// Like `Plain`, with the duties of every publication: check for finite numbers, clock reading, stamp.
+    /// Like `Plain`, but with the work of every motorium publication: a check for finite numbers, a clock
+    /// reading, and a stamp.
     PlainChecked,
-    /// Like `PlainBlocking`, with the duties of `PlainChecked`.
+    /// Like `PlainBlocking`, but with the additional work of `PlainChecked`.
     PlainBlockingChecked,
-    /// A word and a futex only; no payload.
+    /// A word and a futex that wakes the receiver; no payload.
     Futex,
     /// A motorium topic, whose receiver waits for its trigger.
     Blocking,
@@ -52,7 +53,7 @@ pub enum Transport {
     Stock,
 }
 
-/// One measurement of two processes.
+/// Settings of one ping-pong measurement between two processes.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct PingPong {
     /// Transport of the payload.
@@ -63,11 +64,13 @@ pub struct PingPong {
     pub cores: [usize; 2],
     /// `SCHED_FIFO` priority of both processes; 0 for normal time sharing.
     pub fifo: u8,
-    /// Number of round trips. Each yields two samples; with a pace or for the cache line, it yields one.
+    /// Number of round trips. A round trip yields two samples. With a pace, and for [`Transport::CacheLine`],
+    /// a round trip yields one sample.
     pub rounds: usize,
-    /// Number of warm-up rounds before the recorded ones.
+    /// Number of warm-up rounds before the recorded rounds.
     pub warm_up: usize,
-    /// Time between two round trips, ns; the receiver then sleeps deeply. 0 for back-to-back round trips.
+    /// Time between two round trips, ns, in which the receiver's core enters deep sleep; 0 for back-to-back
+    /// round trips.
     pub pace_ns: u64,
 }
 
@@ -76,7 +79,7 @@ pub struct PingPong {
 pub struct HopTimes {
     /// Time of each hop, ns.
     pub samples: Vec<u64>,
-    /// `SCHED_FIFO` priority of both sides, read back; 0 for normal time sharing.
+    /// `SCHED_FIFO` priority of both sides, as read back from the kernel; 0 for normal time sharing.
     pub fifo: u32,
 }
 

@@ -3,26 +3,27 @@
 use crate::JointSetpoint;
 
 /// Fraction of the acceleration limit with which a joint plans to stop before the end of its range, or at its
-/// position setpoint. The rest is reserved for joints that brake together: a shoulder carries the torques of
-/// all joints behind it, and must not reach its effort limit.
+/// position setpoint. The remaining fraction is a reserve for joints that brake together: a shoulder carries
+/// the torques of all joints behind it, and must not reach its effort limit.
 pub const STOPPING_SHARE: f64 = 0.6;
 
-/// Fraction by which a joint may exceed its acceleration limit. A joint whose setpoint accelerates with the
-/// whole limit needs it to catch up.
+/// Fraction by which a joint may exceed its acceleration limit. A joint needs this tolerance to catch up with
+/// a setpoint that itself accelerates at the limit.
 pub const ACCELERATION_BAND: f64 = 0.05;
 
 impl JointSetpoint {
-    /// Returns the lowest and highest velocity of the joint at the end of a step of `dt` \[s\] from position
-    /// `q` and velocity `v`, within the range from `lower` to `upper`. Infinite without
-    /// [`max_acceleration`](Self::max_acceleration).
+    /// Returns the lowest and highest velocity that the joint may have at the end of a step of `dt` \[s\].
+    /// The step starts at position `q` and velocity `v`, and the joint's range is `lower` to `upper`. Both
+    /// results are infinite without [`max_acceleration`](Self::max_acceleration).
     ///
-    /// The bounds follow from, in this order of importance:
+    /// The bounds follow from these conditions, the most important first:
     ///
-    /// - the acceleration limit, and [`ACCELERATION_BAND`]
-    /// - the end of the range, at which the joint can still stop with [`STOPPING_SHARE`] of the limit, or
-    ///   with all of it to follow a moving position setpoint that stops there
-    /// - with [`arrival_velocity`](Self::arrival_velocity), the position setpoint, at which the joint can
-    ///   still arrive with that velocity with [`STOPPING_SHARE`] of the limit
+    /// - the acceleration limit, plus [`ACCELERATION_BAND`] as tolerance
+    /// - the joint must be able to stop at the end of its range with [`STOPPING_SHARE`] of the limit; if the
+    ///   joint follows a moving position setpoint that stops at the end of the range, it may use the whole
+    ///   limit
+    /// - if [`arrival_velocity`](Self::arrival_velocity) is set, the joint must be able to slow down to this
+    ///   velocity at its position setpoint with [`STOPPING_SHARE`] of the limit
     ///
     /// ```
     /// use motorium_drive::JointSetpoint;

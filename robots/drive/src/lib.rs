@@ -1,8 +1,9 @@
-//! The setpoint of one joint, as passed from the command gate to the drive.
+//! The setpoint of one joint. motorium's command gate, which checks all commands of a robot, passes it to the
+//! drive.
 //!
-//! The gate checks and bounds a [`JointSetpoint`]; simulated and real drives follow it. All of them share one
-//! type, one impedance law and one braking law. The functions bound a setpoint's range ([`within_range`]) and
-//! its rate of change ([`within_rate`]); the gate and the training environments share them.
+//! The gate checks and bounds a [`JointSetpoint`]; simulated and real drives follow it with the same
+//! impedance law and the same braking law. Two functions bound a setpoint to a range ([`within_range`]) and
+//! bound its rate of change ([`within_rate`]). The gate and the training environments use both.
 
 mod acceleration;
 mod limits;

@@ -3,12 +3,12 @@
 /// Fraction of a joint's range by which a position setpoint may exceed the range. The tolerance covers sensor
 /// noise at a joint stop.
 pub const RANGE_TOLERANCE: f64 = 1e-3;
-/// Fraction by which a rate may exceed its limit, to tolerate the rounding of a setpoint integrated at the
-/// limit.
+/// Fraction by which a rate may exceed its limit. Tolerates rounding errors in a setpoint that changes
+/// exactly at the limit.
 pub const ROUNDING: f64 = 1e-6;
 
 /// Returns the end of the range \[rad or m\] that must replace a position setpoint outside the range. Returns
-/// `None` for a setpoint that may be forwarded: one inside the range, or outside by at most
+/// `None` if the setpoint may be forwarded, because it is inside the range or outside by at most
 /// [`RANGE_TOLERANCE`] times the length of the range. A range with an infinite end counts as having the
 /// length 1.
 ///
@@ -30,8 +30,8 @@ pub fn within_range(position: f64, lower: f64, upper: f64) -> Option<f64> {
     ((position - end).abs() > tolerance).then_some(end)
 }
 
-/// Returns the value that must replace the setpoint `value` if it differs from the previous setpoint `before`
-/// by more than `largest`. Returns `None` for a setpoint that may be forwarded bit for bit.
+/// Returns the value that must replace the setpoint `value`, if `value` differs from the previous setpoint
+/// `before` by more than `largest`. Otherwise returns `None`, and the setpoint may be forwarded bit for bit.
 ///
 /// ```
 /// use motorium_drive::within_rate;

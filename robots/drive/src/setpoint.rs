@@ -1,6 +1,6 @@
 //! The setpoint of one joint, and the laws of the drive that follows it.
 
-/// Setpoint of one joint. A setpoint stays in force until the next one replaces it.
+/// Setpoint of one joint, which stays in force until the next setpoint replaces it.
 ///
 /// A drive applies
 ///
@@ -12,14 +12,14 @@
 /// the joint's effort limit. `kp = kd = 0` is pure effort control and `kp = 0` is velocity control.
 ///
 /// A joint that moves beyond `min_velocity` or `max_velocity` brakes, regardless of the rest of the setpoint.
-/// `high(v)` is the effort limit up to `max_velocity`. From there it falls to the negative effort limit over
-/// a band of [`BRAKING_BAND`] times the larger velocity limit; `low(v)` is symmetric. Without an effort
-/// limit, the drive brakes with the maximum effort that the setpoint requests at up to twice the velocity
-/// limits.
+/// Up to `max_velocity`, `high(v)` is the effort limit. Above `max_velocity`, it falls to the negative effort
+/// limit over a band of [`BRAKING_BAND`] times the larger velocity limit; `low(v)` is symmetric. Without an
+/// effort limit, the drive brakes with the maximum effort that the setpoint requests at up to twice the
+/// velocity limits.
 ///
-/// A joint with `max_acceleration` is also kept within the velocities that
-/// [`end_velocities`](Self::end_velocities) returns, by any effort within the effort limit. This effort
-/// depends on the other joints, so [`effort_at`](Self::effort_at) does not include it.
+/// In addition, a drive keeps a joint with `max_acceleration` within the velocities that
+/// [`end_velocities`](Self::end_velocities) returns. The effort that this requires, within the effort limit,
+/// depends on all joints of the robot, so [`effort_at`](Self::effort_at) does not include it.
 ///
 /// ```
 /// use motorium_drive::JointSetpoint;
@@ -36,9 +36,9 @@ pub struct JointSetpoint {
     pub velocity: f64,
     /// Feed-forward effort \[N m or N\].
     pub effort: f64,
-    /// Position gain \[N m/rad or N/m\], from 0.
+    /// Position gain \[N m/rad or N/m\], at least 0.
     pub kp: f64,
-    /// Velocity gain \[N m s/rad or N s/m\], from 0.
+    /// Velocity gain \[N m s/rad or N s/m\], at least 0.
     pub kd: f64,
     /// Minimum velocity \[rad/s or m/s\], negative, beyond which the drive brakes; minus infinity for no
     /// limit. CAN drives ignore this field and apply their own limits.
@@ -46,13 +46,14 @@ pub struct JointSetpoint {
     /// Maximum velocity \[rad/s or m/s\], positive, beyond which the drive brakes; infinity for no limit. CAN
     /// drives ignore this field and apply their own limits.
     pub max_velocity: f64,
-    /// Largest acceleration of the joint in either direction \[rad/s2 or m/s2\]; infinity for no limit. It
-    /// depends on the dynamics of the whole robot: only drives of the articulated engine apply it, within
-    /// their effort limits, in robots with a fixed base that nothing touches or pushes
-    /// ([`end_velocities`](Self::end_velocities)).
+    /// Maximum acceleration of the joint in either direction \[rad/s2 or m/s2\]; infinity for no limit. The
+    /// acceleration depends on the dynamics of the whole robot. Only drives of the simulation engine
+    /// `articulated` apply the limit, within their effort limits, and only while the robot has a fixed base
+    /// and nothing touches or pushes it ([`end_velocities`](Self::end_velocities)).
     pub max_acceleration: f64,
-    /// If set, the velocity of the position setpoint \[rad/s or m/s\], with which the joint arrives there: it
-    /// approaches only as fast as it can slow down to it. Ignored without `max_acceleration` or `kp`.
+    /// Velocity of the position setpoint \[rad/s or m/s\], with which the joint must arrive at the setpoint.
+    /// If set, the joint approaches only as fast as it can slow down to this velocity. Ignored without
+    /// `max_acceleration` or `kp`.
     pub arrival_velocity: Option<f64>,
 }
 
@@ -100,8 +101,8 @@ impl JointSetpoint {
             && self.max_velocity > 0.0
     }
 
-    /// Returns the effort \[N m or N\] of a drive with the effort limit `limit` at position `q` and velocity
-    /// `v`.
+    /// Returns the effort \[N m or N\] that a drive with the effort limit `limit` applies at position `q` and
+    /// velocity `v`.
     ///
     /// ```
     /// use motorium_drive::JointSetpoint;
@@ -144,9 +145,9 @@ impl JointSetpoint {
         if limit.is_finite() && band.is_finite() { 2.0 * limit / band } else { 0.0 }
     }
 
-    /// Returns the braking effort \[N m or N\] of a drive without an effort limit: the maximum effort that
-    /// the law `at_rest - slope v` requests at up to twice the velocity limits. This effort has no effect
-    /// within the velocity limits.
+    /// Returns the braking effort \[N m or N\] of a drive without an effort limit. It is the maximum effort
+    /// that the law `at_rest - slope v` requests at up to twice the velocity limits, and has no effect within
+    /// the velocity limits.
     #[inline]
     pub fn braking_effort(&self, at_rest: f64, slope: f64) -> f64 {
         let requested = |v: f64| (at_rest - 2.0 * slope * v).abs();

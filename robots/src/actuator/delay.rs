@@ -2,8 +2,8 @@
 
 use std::collections::VecDeque;
 
-/// Delays commands: a command sent at `t` takes effect at `t + delay` and remains active until the next one
-/// takes effect.
+/// A delay line for commands. A command sent at `t` takes effect at `t + delay`, and remains active until the
+/// next command takes effect.
 ///
 /// ```
 /// use motorium_robots::Delay;
@@ -37,7 +37,7 @@ impl<T: Copy> Clone for Delay<T> {
 
 impl<T: Copy> Delay<T> {
     /// Creates a delay line with the delay `delay` \[s\]. `idle` is active until the first command takes
-    /// effect. The queue has room for the commands in flight with steps of at least 0.1 ms; shorter steps may
+    /// effect. The queue has room for all delayed commands if a step lasts at least 0.1 ms; shorter steps may
     /// allocate.
     pub fn new(delay: f64, idle: T) -> Self {
         let delay_ns = nanoseconds(delay);
@@ -45,15 +45,15 @@ impl<T: Copy> Delay<T> {
         Self { delay_ns, now_ns: 0, idle, queue }
     }
 
-    /// Sets the delay \[s\] of commands sent from now on. After the delay is shortened, a new command
-    /// replaces earlier commands that would take effect later.
+    /// Sets the delay \[s\] of commands that are sent after this call. If the delay becomes shorter, a new
+    /// command replaces earlier commands that would take effect after it.
     pub fn set_delay(&mut self, delay: f64) {
         self.delay_ns = nanoseconds(delay);
         let room = (self.delay_ns / 100_000) as usize + 3;
         self.queue.reserve(room.saturating_sub(self.queue.len()));
     }
 
-    /// Returns the command that is acting (in effect) now, assuming that `newest` is sent now.
+    /// Returns the command that is in effect now, assuming that `newest` is sent now.
     pub fn acting(&self, newest: T) -> T {
         if self.delay_ns == 0 {
             return newest;
@@ -80,7 +80,7 @@ impl<T: Copy> Delay<T> {
         }
     }
 
-    /// Resets to the initial state, with no command in flight.
+    /// Resets to the initial state, without delayed commands.
     pub fn reset(&mut self) {
         self.queue.clear();
         self.now_ns = 0;

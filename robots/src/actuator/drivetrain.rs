@@ -5,10 +5,10 @@ use super::{Actuator, EffortLaw};
 /// A compliant drivetrain: a motor with its own inertia moves the joint through a spring and a damper,
 /// optionally with backlash.
 ///
-/// With `backlash = 0` it is a series-elastic actuator. With a stiff spring and backlash it is a gear (the
-/// dead-zone model of Nordin and Gutman 2002): within the gap, motor and joint do not act on each other; at
-/// the ends of the gap, the teeth push but never pull. All values are at the joint, after the gear. The motor
-/// inertia is therefore the rotor inertia times the square of the gear ratio.
+/// With `backlash = 0`, the drivetrain is a series-elastic actuator. With a stiff spring and backlash, it is
+/// a gear (the dead-zone model of Nordin and Gutman 2002): within the gap, motor and joint do not act on each
+/// other; at the ends of the gap, the teeth push but never pull. All values are converted to the joint side
+/// of the gear. The motor inertia is therefore the rotor inertia times the square of the gear ratio.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Drivetrain {
     /// Inertia of the motor reflected to the joint \[kg m2 or kg\].
@@ -21,7 +21,7 @@ pub struct Drivetrain {
     pub backlash: f64,
 }
 
-/// Position and velocity of a motor, converted to the joint (after the gear).
+/// Position and velocity of a motor, converted to the joint side of the gear.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Motor {
     /// Position \[rad or m\].
@@ -166,16 +166,16 @@ impl Actuator {
         self.motor
     }
 
-    /// Begins the motion of a compliant drivetrain: the motor starts at the joint's state, with the spring
-    /// relaxed. No effect if the motor already has a state.
+    /// Begins the motion of a compliant drivetrain: the motor starts at the joint's position and velocity,
+    /// with the spring relaxed. Has no effect if the motor already has a state.
     pub fn begin(&mut self, joint: Motor) {
         if self.drivetrain.is_some() && self.motor.is_none() {
             self.motor = Some(joint);
         }
     }
 
-    /// Returns the effort on the joint in a step of `h` \[s\] that starts at the joint state `joint`; `None`
-    /// for a rigid drivetrain.
+    /// Returns the effort on the joint, as a function of the joint velocity, in a step of `h` \[s\] that
+    /// starts at the joint state `joint`; `None` for a rigid drivetrain.
     ///
     /// ```
     /// use motorium_robots::{Actuator, ActuatorSettings, DriveCommand, Drivetrain, Motor};
@@ -223,7 +223,8 @@ impl Actuator {
         Some(JointLaw { effort: share * (tension + give * free), slope: share * give, low, high })
     }
 
-    /// Advances the motor by a step of `h` \[s\] against the load of the joint \[Nm or N\].
+    /// Advances the motor by a step of `h` \[s\], in which the joint loads the motor with the effort `load`
+    /// \[Nm or N\].
     pub fn apply_load(&mut self, command: &DriveCommand, load: f64, h: f64) {
         let (Some(drivetrain), Some(mut motor)) = (self.drivetrain, self.motor) else { return };
         let step = MotorStep::new(&drivetrain, &motor, command, (&self.law(motor.velocity, h), h));

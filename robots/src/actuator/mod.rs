@@ -19,7 +19,7 @@
 //!
 //! Lag and rate limit are discretised implicitly (backward Euler). Steps of any length are therefore stable,
 //! and a simulator can solve for an effort that depends on the state at the end of the step: see
-//! [`Actuator::law`]. The same applies to the drivetrain, whose motor has its own coordinate: see
+//! [`Actuator::law`]. The drivetrain, whose motor has its own coordinate, is discretised in the same way: see
 //! [`Actuator::joint_law`].
 
 mod delay;
@@ -45,7 +45,7 @@ pub struct Envelope {
     pub no_load_velocity: f64,
 }
 
-/// Heating of the winding. As it heats up, the effort limit falls to the continuous effort.
+/// Heating of the motor's winding. As the winding heats up, the effort limit falls to the continuous effort.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Thermal {
     /// Continuous effort \[Nm or N\].
@@ -54,7 +54,8 @@ pub struct Thermal {
     pub time_constant: f64,
 }
 
-/// Settings of an actuator. The default is an ideal actuator.
+/// Settings of an actuator model. The default is an ideal actuator, which delivers each commanded effort
+/// immediately.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ActuatorSettings {
     /// Delay of commands \[s\].
@@ -142,7 +143,7 @@ impl ActuatorSettings {
 pub struct EffortLaw {
     /// Fraction of the desired effort, above 0 and at most 1.
     pub share: f64,
-    /// Contribution of the state before the step \[Nm or N\].
+    /// Part of the effort that comes from the state before the step \[Nm or N\].
     pub carried: f64,
     /// Minimum effort \[Nm or N\].
     pub low: f64,
@@ -217,11 +218,11 @@ impl Actuator {
         self.limit = effort_limit.abs();
     }
 
-    /// Replaces the settings. Effort, temperature and motor state are kept.
+    /// Replaces the settings, but keeps the current effort, temperature and motor state.
     ///
     /// # Errors
     ///
-    /// [`ActuatorError`]; the actuator is then unchanged.
+    /// [`ActuatorError`] for the first setting out of range. In this case the actuator is unchanged.
     pub fn set_settings(&mut self, settings: &ActuatorSettings) -> Result<(), ActuatorError> {
         let Self { effort, heat, motor, limit, .. } = *self;
         *self = Self { effort, heat, motor, ..Self::new(settings, limit)? };
@@ -239,7 +240,8 @@ impl Actuator {
         (self.effort, self.heat, self.motor) = (0.0, 0.0, None);
     }
 
-    /// Returns the minimum and maximum effort that the motor can produce at a velocity \[rad/s or m/s\].
+    /// Returns the minimum and maximum effort \[Nm or N\] that the motor can produce at the joint velocity
+    /// `velocity` \[rad/s or m/s\].
     pub fn available(&self, velocity: f64) -> (f64, f64) {
         let mut limit = self.limit;
         if let Some(Thermal { continuous_effort, .. }) = self.thermal {
@@ -262,7 +264,8 @@ impl Actuator {
         }
     }
 
-    /// Returns the effort law of a step of `h` \[s\] that starts at a velocity \[rad/s or m/s\].
+    /// Returns the effort law of a step of `h` \[s\] that starts at the joint velocity `velocity` \[rad/s or
+    /// m/s\].
     pub fn law(&self, velocity: f64, h: f64) -> EffortLaw {
         let (low, high) = self.available(velocity);
         let share = h / (self.lag + h);
@@ -275,7 +278,7 @@ impl Actuator {
         EffortLaw { share, carried, low, high }
     }
 
-    /// Advances the actuator by a step of `h` \[s\] in which it delivers an effort \[Nm or N\].
+    /// Advances the actuator by a step of `h` \[s\] in which it delivers the effort `effort` \[Nm or N\].
     pub fn apply(&mut self, effort: f64, h: f64) {
         self.effort = effort;
         if let Some(Thermal { continuous_effort, time_constant }) = self.thermal {
@@ -285,8 +288,8 @@ impl Actuator {
         }
     }
 
-    /// Advances by a step of `h` \[s\] at a velocity \[rad/s or m/s\] with the constant desired effort
-    /// `wanted` \[Nm or N\]. Returns the delivered effort \[Nm or N\].
+    /// Advances the actuator by a step of `h` \[s\] at the joint velocity `velocity` \[rad/s or m/s\], with
+    /// the constant desired effort `wanted` \[Nm or N\]. Returns the delivered effort \[Nm or N\].
     pub fn step(&mut self, wanted: f64, velocity: f64, h: f64) -> f64 {
         let law = self.law(velocity, h);
         let effort = (law.share * wanted + law.carried).clamp(law.low, law.high);

@@ -1,4 +1,5 @@
-//! Learned actuator models: networks that map recent measurements of a drive to the effort of its motor.
+//! Learned actuator models: neural networks that compute the effort of a motor from recent measurements of
+//! its drive.
 
 use std::sync::Arc;
 
@@ -39,10 +40,10 @@ impl From<Activation> for Unary {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum InputOrder {
-    /// The position errors at all times, then the velocities.
+    /// The position errors at all times come first, followed by the velocities.
     #[default]
     PositionVelocity,
-    /// The velocities at all times, then the position errors.
+    /// The velocities at all times come first, followed by the position errors.
     VelocityPosition,
 }
 
@@ -61,13 +62,13 @@ impl PartialEq for NetworkWeights {
     }
 }
 
-/// The file is not an actuator network.
+/// Error of reading a file that is not an actuator network.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum NetworkError {
     /// The file cannot be read.
     #[error("{0}")]
     File(#[from] SafetensorsError),
-    /// The layers do not match.
+    /// The output size of a layer differs from the input size of the next layer.
     #[error(transparent)]
     Size(#[from] LayerSizeError),
     /// A layer has the wrong shape.
@@ -88,13 +89,13 @@ pub enum NetworkError {
 }
 
 impl NetworkWeights {
-    /// Reads the layers of a safetensors file. The network has `inputs` inputs and one output. The tensors
-    /// are `NAME.weight` (outputs x inputs) and `NAME.bias`, in the order of the numbers in their names, as
-    /// in a `torch.nn.Sequential` of linear layers.
+    /// Reads the layers of a safetensors file. The network has `inputs` inputs and one output. Each layer has
+    /// the tensors `NAME.weight` (outputs x inputs) and `NAME.bias`. The numbers in the names define the
+    /// order of the layers, as in a `torch.nn.Sequential` of linear layers.
     ///
     /// # Errors
     ///
-    /// [`NetworkError`] if the file is not such a network.
+    /// [`NetworkError`] if the file does not contain such layers.
     pub fn read(bytes: &[u8], inputs: usize, activation: Activation) -> Result<Self, NetworkError> {
         let Tensors { tensors, .. } = safetensors::read(bytes)?;
         let shape = |tensor: Option<&Tensor<f64>>| {
@@ -144,7 +145,7 @@ fn number(name: &str) -> Option<u64> {
 /// An actuator network with the interpretation of its inputs and output.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NetworkSettings {
-    /// Weights of the network, which has two inputs for each of `times`.
+    /// Weights of the network, which has two inputs for each entry of `times`.
     pub weights: NetworkWeights,
     /// Ages of the input measurements \[s\], in the order of the inputs.
     pub times: Vec<f64>,
@@ -154,14 +155,14 @@ pub struct NetworkSettings {
     pub position_scale: f64,
     /// Factor that multiplies velocities at the input \[s/rad or s/m\].
     pub velocity_scale: f64,
-    /// Effort at the motor for an output of one \[Nm or N\].
+    /// Effort at the motor that corresponds to a network output of 1 \[Nm or N\].
     pub effort_scale: f64,
 }
 
 /// A learned actuator (Hwangbo et al. 2019): computes the effort of a motor from current and past position
 /// errors and velocities of its joint.
 ///
-/// Inputs at times before the first measurement use the first measurement.
+/// Inputs for times before the first measurement are set to the first measurement.
 #[derive(Clone, Debug)]
 pub struct ActuatorNetwork {
     settings: Arc<NetworkSettings>,
@@ -171,7 +172,7 @@ pub struct ActuatorNetwork {
 }
 
 impl ActuatorNetwork {
-    /// Creates a network without measurements.
+    /// Creates a network that has not received any measurements.
     pub fn new(settings: Arc<NetworkSettings>) -> Self {
         let past = settings.times.iter().map(|age| Delay::new(*age, None)).collect();
         Self { past, program: settings.weights.program.clone(), first: None, settings }

@@ -16,7 +16,7 @@ use crate::Model;
 const LONGEST_NETWORK: u64 = 256 * 1024 * 1024;
 
 /// Model of an actuator: the stages between the commanded effort and the effort on the joint. The default is
-/// an ideal actuator.
+/// an ideal actuator, which delivers each commanded effort immediately.
 ///
 /// `T` is the type that the caller uses for times.
 ///
@@ -57,13 +57,13 @@ pub struct ActuatorTable<T: Default> {
 #[serde(deny_unknown_fields)]
 #[schemars(rename = "EnvelopeConfig")]
 pub struct EnvelopeTable {
-    /// Stall effort, N m or N. The effort limit of the joint applies as well.
+    /// Stall effort, N m or N. The effort is also limited to the effort limit of the joint.
     pub stall_effort: f64,
     /// Velocity at which the available effort is zero, rad/s or m/s.
     pub no_load_velocity: f64,
 }
 
-/// Heating of a winding: as it warms up, the effort limit falls to the continuous effort.
+/// Heating of a motor's winding. As the winding warms up, the effort limit falls to the continuous effort.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, bound(deserialize = "T: Deserialize<'de>"))]
 #[schemars(rename = "ThermalConfig")]
@@ -75,7 +75,8 @@ pub struct ThermalTable<T> {
 }
 
 /// Compliant drivetrain: a motor with its own inertia, and the spring, damper and gap between motor and
-/// joint. All values are at the joint. The drive closes its loops on the motor.
+/// joint. All values are converted to the joint side of the gear. The drive controls the motor's position and
+/// velocity.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(rename = "DrivetrainConfig")]
@@ -98,8 +99,8 @@ pub struct DrivetrainTable {
 #[serde(deny_unknown_fields, bound(deserialize = "T: Deserialize<'de>"))]
 #[schemars(rename = "NetworkConfig")]
 pub struct NetworkTable<T> {
-    /// Path of the file, relative to the graph's folder. Its tensors `0.weight`, `0.bias`, `2.weight` and so
-    /// on are named as in a `torch.nn.Sequential`.
+    /// Path of the file, relative to the graph's folder. The tensors in the file must be named as in a
+    /// `torch.nn.Sequential`: `0.weight`, `0.bias`, `2.weight` and so on.
     #[schemars(extend("format" = "path"))]
     pub file: String,
     /// Activation function between the layers. Default `softsign`.
@@ -117,7 +118,7 @@ pub struct NetworkTable<T> {
     /// Factor that multiplies velocities at the input. Default 1.
     #[serde(default = "one")]
     pub velocity_scale: f64,
-    /// Effort for an output of one, N m or N. Default 1.
+    /// Effort that corresponds to a network output of 1, N m or N. Default 1.
     #[serde(default = "one")]
     pub effort_scale: f64,
 }
@@ -131,7 +132,7 @@ const TIMES: [f64; 3] = [0.0, 0.01, 0.02];
 /// Maximum number of measurement times of a network.
 const MOST_TIMES: usize = 64;
 
-/// A key of the actuator tables is not valid.
+/// Error of an invalid key in the tables `actuator` and `actuators`.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{key}: {message}")]
 pub struct ActuatorTableError {
@@ -154,8 +155,8 @@ impl ActuatorTableError {
 }
 
 impl<T: Copy + Default> ActuatorTable<T> {
-    /// Converts the table at `key` to settings. Network files are read from `folder`, and `seconds` converts
-    /// times.
+    /// Converts the table at the dotted path `key` to settings. Relative paths of network files refer to
+    /// `folder`, and `seconds` converts times of type `T` to seconds.
     ///
     /// # Errors
     ///
@@ -195,8 +196,8 @@ impl<T: Copy + Default> ActuatorTable<T> {
         settings.check().map(|()| settings).map_err(refused)
     }
 
-    /// Returns the actuator settings of all joints of a model: `of_all`, overridden by the tables of single
-    /// joints. The list is empty if all actuators are ideal.
+    /// Returns the actuator settings of all joints of a model: the table `of_all`, unless a joint has its own
+    /// table. The list is empty if all actuators are ideal.
     ///
     /// # Errors
     ///
@@ -237,7 +238,8 @@ impl<T: Copy> NetworkTable<T> {
         let times: Vec<f64> = written.unwrap_or_else(|| TIMES.to_vec());
         let ages = |time: &f64| (0.0..=10.0).contains(time);
         if times.is_empty() || times.len() > MOST_TIMES || !times.iter().all(ages) {
-            let message = format!("{} times, expected 1 to {MOST_TIMES} from 0 to 10 s", times.len());
+            let message =
+                format!("{} times, expected 1 to {MOST_TIMES} times, each from 0 to 10 s", times.len());
             return Err(ActuatorTableError::new(key("times"), message));
         }
         for (name, scale) in [

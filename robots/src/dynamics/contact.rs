@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, DVector, Vector3};
 use super::{Dynamics, SingularMassMatrix};
 use crate::Model;
 
-/// The constrained motion cannot be computed.
+/// Error of computing a constrained motion.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ConstrainedError {
     /// The mass matrix is singular.
@@ -21,8 +21,8 @@ pub enum ConstrainedError {
     },
 }
 
-/// Workspace for the forward dynamics of one [`Model`] under a fixed number of constraints. Nothing allocates
-/// after [`new`](Self::new).
+/// Workspace for the forward dynamics of one [`Model`] under a fixed number of constraints. Only
+/// [`new`](Self::new) allocates.
 ///
 /// By Gauss's principle, the constrained acceleration `a` satisfies `J a + drift = 0` and is as close as
 /// possible to the unconstrained acceleration `a_free` in the metric of M:
@@ -45,7 +45,7 @@ pub struct ConstrainedDynamics {
 pub struct Constraint<'a> {
     /// Jacobian of the constraint: one row per constrained direction, nv columns.
     pub jacobian: &'a DMatrix<f64>,
-    /// Drift `Jdot v`, plus any drift correction. One entry per row.
+    /// Drift `Jdot v` of each row, plus a correction of position errors if desired.
     pub drift: &'a [f64],
     /// Damping added to the diagonal of `J M^-1 J'` \[1/kg\], which makes the constraint compliant. With 0,
     /// the constraint is rigid and its rows must be linearly independent.
@@ -53,7 +53,8 @@ pub struct Constraint<'a> {
 }
 
 impl ConstrainedDynamics {
-    /// Creates a workspace for `model` with exactly `rows` constrained directions.
+    /// Creates a workspace for `model` under constraints with exactly `rows` rows (constrained directions) in
+    /// total.
     pub fn new(model: &Model, rows: usize) -> Self {
         Self {
             dynamics: Dynamics::new(model),
@@ -68,7 +69,7 @@ impl ConstrainedDynamics {
     ///
     /// # Errors
     ///
-    /// [`ConstrainedError`]. The outputs are then unspecified.
+    /// [`ConstrainedError`]. In this case the outputs are unspecified.
     pub fn forward(
         &mut self,
         model: &Model,

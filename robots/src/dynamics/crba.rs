@@ -25,7 +25,7 @@ impl<const BOTH: bool> Work for BodiesMass<'_, BOTH> {
 }
 
 impl Dynamics {
-    /// Computes the joint-space mass matrix `M(q)` (nv x nv), both triangles.
+    /// Computes both triangles of the joint-space mass matrix `M(q)` (nv x nv).
     pub fn crba(&mut self, model: &Model, q: &[f64], out: &mut DMatrix<f64>) {
         // matrices are filled entry by entry, slices at memory bandwidth
         out.as_mut_slice().fill(0.0);
@@ -33,8 +33,9 @@ impl Dynamics {
         turn_rotors(model.flat(), out);
     }
 
-    /// Computes the upper triangle of the mass matrix, including the diagonal. Entries of two joints are
-    /// written only if one joint carries the other. Initialise the matrix with zeros once and reuse it.
+    /// Computes the upper triangle of the mass matrix, including the diagonal. The entry of two joints is
+    /// only written if one of them carries the other; all other entries are zero. Initialise the matrix with
+    /// zeros once, and reuse it.
     pub fn crba_upper(&mut self, model: &Model, q: &[f64], out: &mut DMatrix<f64>) {
         widest(BodiesMass::<false> { dynamics: self, model, q, out });
         turn_rotors(model.flat(), out);

@@ -14,10 +14,10 @@ use crate::Model;
 use crate::math::{Spatial, V3, Work, fused, widest};
 use crate::model::flat::FlatModel;
 
-/// Derivatives of a vector of efforts or accelerations. Each is nv x nv.
+/// Derivatives of a vector of efforts or accelerations. Each derivative is an nv x nv matrix.
 ///
-/// Derivatives with respect to `q` are along the manifold: column `i` is the change for
-/// `integrate(q, e_i dt)`, per `dt`.
+/// The derivative with respect to `q` is taken along the manifold of configurations: column `i` is the change
+/// of the vector per `dt` when `q` changes to `integrate(q, e_i dt)`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Derivatives {
     /// Derivative with respect to the configuration.
@@ -30,7 +30,7 @@ pub struct Derivatives {
 }
 
 impl Derivatives {
-    /// Allocates derivatives of the size of `model`.
+    /// Allocates the matrices for a model with `model.nv()` velocities.
     pub fn new(model: &Model) -> Self {
         let zeros = DMatrix::zeros(model.nv(), model.nv());
         Self { q: zeros.clone(), v: zeros.clone(), input: zeros }
@@ -81,7 +81,7 @@ impl Dynamics {
     ///
     /// # Errors
     ///
-    /// [`SingularMassMatrix`]. The outputs are then unspecified.
+    /// [`SingularMassMatrix`]. In this case the outputs are unspecified.
     pub fn forward_derivatives(
         &mut self,
         model: &Model,

@@ -5,7 +5,7 @@ use nalgebra::DMatrix;
 use crate::Model;
 use crate::math::{Work, fused, widest};
 
-/// The mass matrix is not positive definite, because a joint moves no inertia.
+/// Error of a mass matrix that is not positive definite, because a joint moves no inertia.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
     "the mass matrix is not positive definite at entry {index} of v, because the links beyond that joint have no inertia; \
@@ -16,8 +16,8 @@ pub struct SingularMassMatrix {
     pub index: usize,
 }
 
-/// The factors of a mass matrix `M = L' D L` with L unit lower triangular. Column `i` and row `j` of L have
-/// an entry only if joint `j` carries joint `i`, as in M itself.
+/// The factors of a mass matrix `M = L' D L`, with L unit lower triangular. L is as sparse as M: it has an
+/// entry for two joints only if one of them carries the other.
 #[derive(Clone, Debug)]
 pub struct MassFactor {
     above: Vec<usize>,
@@ -28,7 +28,7 @@ pub struct MassFactor {
 }
 
 impl MassFactor {
-    /// Allocates a factor of the size of `model`'s mass matrix.
+    /// Allocates the factors for the mass matrix of `model`.
     pub fn new(model: &Model) -> Self {
         let n = model.nv();
         Self { above: model.flat().above.clone(), factor: DMatrix::identity(n, n), scales: vec![1.0; n] }
@@ -38,7 +38,7 @@ impl MassFactor {
     ///
     /// # Errors
     ///
-    /// [`SingularMassMatrix`]. The factor is then unspecified.
+    /// [`SingularMassMatrix`]. In this case the factors are unspecified.
     pub fn factor(&mut self, mass: &DMatrix<f64>) -> Result<(), SingularMassMatrix> {
         widest(Factor { factor: self, mass })
     }
@@ -79,7 +79,8 @@ impl MassFactor {
         Ok(())
     }
 
-    /// Replaces the right-hand side `b` in `x` by the solution of `M x = b`.
+    /// Solves `M x = b` in place: on entry, `x` holds the right-hand side `b`; on return, it holds the
+    /// solution.
     pub fn solve(&self, x: &mut [f64]) {
         let n = self.above.len();
         assert_eq!(x.len(), n, "length of the right-hand side");
@@ -108,9 +109,9 @@ impl MassFactor {
         }
     }
 
-    /// Marks all entries of v whose joints carry the joint of a marked entry. `marked` has nv entries. For a
-    /// right-hand side that is nonzero only in the initially marked entries, the [half
-    /// solution](Self::half_solve) is nonzero only in the entries marked on return.
+    /// Extends a set of marked entries of `v` by the entries of all joints that carry a marked joint.
+    /// `marked` has nv entries. If a right-hand side is only nonzero in the entries marked on entry, its
+    /// [half solution](Self::half_solve) is only nonzero in the entries marked on return.
     pub fn mark_carriers(&self, marked: &mut [bool]) {
         assert_eq!(marked.len(), self.above.len(), "length of the marks");
         for k in (0..marked.len()).rev() {
@@ -122,7 +123,7 @@ impl MassFactor {
     /// that `b1' M^-1 b2 = y1' y2`.
     ///
     /// Row k of `y` contains entry k of each right-hand side. `support` lists the nonzero rows in ascending
-    /// order, [including carriers](Self::mark_carriers). Other rows are not read.
+    /// order, [including carriers](Self::mark_carriers). Rows that are not listed are not read.
     pub fn half_solve(&self, support: &[u32], y: &mut [[f64; 4]]) {
         let n = self.above.len();
         assert_eq!(y.len(), n, "length of the right-hand sides");
@@ -143,8 +144,8 @@ impl MassFactor {
         }
     }
 
-    /// Computes the second half of the solution, `x = L^-1 D^-1/2 y`, in place. With the `y` of
-    /// [`half_solve`](Self::half_solve), `x = M^-1 b`.
+    /// Computes the second half of the solution, `x = L^-1 D^-1/2 y`, in place. If `y` comes from
+    /// [`half_solve`](Self::half_solve), the result is `x = M^-1 b`.
     pub fn finish_solve(&self, x: &mut [f64]) {
         let n = self.above.len();
         assert_eq!(x.len(), n, "length of the right-hand side");
@@ -161,8 +162,9 @@ impl MassFactor {
         }
     }
 
-    /// Solves `X M = B` for `X`, in place: `b` holds `B`, with any number of rows, and is replaced by `X`. M
-    /// is symmetric, so each row of `X` solves `M x = b` for the same row of `B`.
+    /// Solves `X M = B` for `X` in place: on entry, `b` holds `B`, with any number of rows; on return, it
+    /// holds `X`. M is symmetric, so each row of `X` is the solution of `M x = b` for the corresponding row
+    /// of `B`.
     pub fn solve_right(&self, b: &mut DMatrix<f64>) {
         widest(SolveRight { factor: self, b });
     }
@@ -196,7 +198,7 @@ impl MassFactor {
         }
     }
 
-    /// Computes the inverse `M^-1`, both triangles.
+    /// Computes both triangles of the inverse `M^-1`.
     pub fn inverse(&self, out: &mut DMatrix<f64>) {
         widest(Inverse { factor: self, out });
     }

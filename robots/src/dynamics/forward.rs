@@ -8,12 +8,12 @@ use crate::{FrameId, Model};
 impl Dynamics {
     /// Computes forward dynamics: `a_out = M(q)^-1 (tau - C(q, v) v - g(q))` \[rad/s2 or m/s2\].
     ///
-    /// Uses the articulated body algorithm, in O(nv). Models with mimic joints, which form loops, use the
-    /// mass matrix and its factor, in O(nv^3).
+    /// Uses the articulated body algorithm, in O(nv). Mimic joints form loops; for models with mimic joints,
+    /// the function factorises the mass matrix, in O(nv^3).
     ///
     /// # Errors
     ///
-    /// [`SingularMassMatrix`]. `a_out` is then unspecified.
+    /// [`SingularMassMatrix`] if a joint moves no inertia. In this case `a_out` is unspecified.
     pub fn forward(
         &mut self,
         model: &Model,
@@ -26,8 +26,8 @@ impl Dynamics {
         self.forward_external(model, q, v, tau, gravity, &[], a_out)
     }
 
-    /// Like [`forward`](Self::forward), with external wrenches: `a_out = M^-1 (tau - C v - g + sum J' f)`.
-    /// Each wrench acts at the origin of its frame, in the axes of the frame.
+    /// Computes forward dynamics like [`forward`](Self::forward), but with external wrenches: `a_out = M^-1
+    /// (tau - C v - g + sum J' f)`. Each wrench acts at the origin of its frame, in the axes of the frame.
     ///
     /// # Errors
     ///
@@ -57,7 +57,7 @@ impl Dynamics {
         Ok(())
     }
 
-    /// Computes the inverse of the mass matrix (nv x nv), both triangles.
+    /// Computes both triangles of the inverse of the mass matrix (nv x nv).
     ///
     /// # Errors
     ///

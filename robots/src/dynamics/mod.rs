@@ -1,9 +1,9 @@
 //! Inverse and forward dynamics (Featherstone, "Rigid Body Dynamics Algorithms", 2008).
 //!
-//! Two coordinate systems are used, each where it is cheaper. Newton-Euler runs in the bodies' frames.
-//! Algorithms with composite or articulated inertias run in *base coordinates*, the axes and origin of the
-//! base. In base coordinates, adding the inertia of a child to its parent needs no transformation, and the
-//! pose of a floating base cancels.
+//! Each algorithm uses the cheaper of two coordinate systems. Newton-Euler runs in the frames of the bodies.
+//! Algorithms with composite or articulated inertias run in *base coordinates*, which are the axes and origin
+//! of the base. In base coordinates, adding the inertia of a child to its parent needs no transformation, and
+//! the pose of a floating base cancels.
 
 mod aba;
 mod base_sweep;
@@ -34,7 +34,7 @@ pub use factor::{MassFactor, SingularMassMatrix};
 pub use momentum::Momentum;
 pub use regressor::PARAMETERS;
 
-/// Workspace for the dynamics of one [`Model`]. Nothing allocates after [`new`](Self::new).
+/// Workspace for the dynamics of one [`Model`]. Only [`new`](Self::new) allocates.
 ///
 /// `q` has nq entries; `v`, `a` and `tau` have nv entries. Methods panic on any other length. `gravity` is
 /// the gravitational acceleration in the world \[m/s2\], usually `(0, 0, -9.81)`. Joint damping, friction and
@@ -94,7 +94,11 @@ impl Dynamics {
     #[inline(always)]
     fn check(&self, model: &Model, q: &[f64]) {
         assert_eq!(q.len(), model.nq(), "length of q");
-        assert_eq!(self.local.len(), model.bodies().len() + 1, "the workspace was made for another model");
+        assert_eq!(
+            self.local.len(),
+            model.bodies().len() + 1,
+            "the workspace was made for a different model"
+        );
     }
 
     #[inline(always)]

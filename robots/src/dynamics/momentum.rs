@@ -7,7 +7,7 @@ use crate::Model;
 use crate::math::{M3, Spatial, V3, Work, widest};
 use crate::model::flat::FlatModel;
 
-/// Momentum of a whole robot about its centre of mass, in world axes, or the rate of this momentum.
+/// Momentum of a whole robot about its centre of mass, or the rate of change of this momentum, in world axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Momentum {
     /// Linear momentum \[kg m/s\], or its rate \[N\].
@@ -71,8 +71,8 @@ impl Dynamics {
         sum
     }
 
-    /// Sets the velocity of a floating base, the first six entries of `v`, such that the robot has this
-    /// momentum. Returns `false` and changes nothing if the base is fixed or the inertia is singular.
+    /// Sets the velocity of a floating base (the first six entries of `v`) such that the robot has this
+    /// momentum. Returns `false` and changes nothing if the base is fixed or the robot's inertia is singular.
     ///
     /// ```
     /// use std::path::Path;
@@ -110,8 +110,8 @@ impl Dynamics {
         true
     }
 
-    /// Returns the rate of the momentum of all moving bodies about the centre of mass, in world axes: `Ag a +
-    /// Agdot v`. With `a = 0`, the rate is the drift `Agdot v`.
+    /// Returns the rate of change of the [`momentum`](Self::momentum): `Ag a + Agdot v`, with the centroidal
+    /// momentum matrix `Ag`. With `a = 0`, the rate is the drift `Agdot v`.
     pub fn momentum_rate(&mut self, model: &Model, q: &[f64], v: &[f64], a: &[f64]) -> Momentum {
         // Without gravity, the wrench at the base is the rate of change of the momentum.
         self.base_wrench(model, q, v, a);

@@ -1,5 +1,5 @@
-//! The inertial-parameter regressor: efforts are linear in the masses, first moments and inertias of the
-//! bodies.
+//! The inertial-parameter regressor. It expresses the efforts as a linear function of the masses, first
+//! moments and inertias of the bodies.
 
 use nalgebra::{DMatrix, DVector, Vector3};
 
@@ -8,8 +8,8 @@ use crate::Model;
 use crate::math::{M3, Spatial, V3};
 
 /// Number of inertial parameters of one body: mass, mass times centre of mass (x, y, z), then the inertia
-/// about the origin of the body frame as xx, xy, yy, xz, yz, zz (Pinocchio's order). All are in the axes of
-/// the body frame.
+/// about the origin of the body frame as xx, xy, yy, xz, yz, zz (Pinocchio's order). All vectors and tensors
+/// are in the axes of the body frame.
 pub const PARAMETERS: usize = 10;
 
 impl Model {
@@ -47,7 +47,7 @@ impl Model {
 impl Dynamics {
     /// Computes the regressor of inverse dynamics (nv x [`Model::parameter_count`]), such that `rnea(q, v, a)
     /// = out * model.inertial_parameters()`. The regressor excludes rotor inertias: for a joint with a rotor,
-    /// `rnea` returns the product plus armature times acceleration.
+    /// `rnea` returns this product plus armature times acceleration.
     pub fn regressor(
         &mut self,
         model: &Model,

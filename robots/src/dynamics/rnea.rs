@@ -25,8 +25,8 @@ impl Local {
 
 impl Dynamics {
     /// Computes inverse dynamics: `tau_out = M(q) a + C(q, v) v + g(q)` \[Nm or N\]. For a floating base, the
-    /// first six entries are the external wrench that the motion would require, at the base's origin in base
-    /// axes.
+    /// first six entries are the external wrench on the base that the motion would require, at the origin of
+    /// the base and in its axes.
     pub fn rnea(
         &mut self,
         model: &Model,
@@ -46,7 +46,8 @@ impl Dynamics {
         turn_rotors(flat, a, tau_out);
     }
 
-    /// Like [`rnea`](Self::rnea), with external wrenches: `tau_out = M a + C v + g - sum J' f`.
+    /// Computes inverse dynamics like [`rnea`](Self::rnea), but with external wrenches: `tau_out = M a + C
+    /// v + g - sum J' f`.
     ///
     /// Each wrench acts at the origin of its frame, in the axes of the frame.
     pub fn rnea_external(

@@ -43,16 +43,15 @@ impl LinkColours {
         self
     }
 
-    /// Returns the colour of the shape with index `place` of `link`. If the file specifies a colour, this is
-    /// the [stated](Self::stated) colour. Otherwise it is a default colour that depends on the moving `body`
-    /// to which the link belongs (`None` for the base).
+    /// Returns the colour of the shape with index `place` of `link`. This is the colour that the file
+    /// [states](Self::stated). If the file states no colour, it is a default colour that depends on the
+    /// moving `body` to which the link belongs (`None` for the base).
     pub fn of_shape(&self, link: &str, place: usize, body: Option<usize>) -> Colour {
         self.stated(link, place).unwrap_or(PLAIN[body.map_or(0, |body| 1 + body % 2)])
     }
 
-    /// Returns the colour that the file states for the visual at index `place` of `link`. If the link has
-    /// fewer visuals, returns the colour of its last visual. `None` if the file states no colour for that
-    /// visual.
+    /// Returns the colour that the file states for the visual at index `place` of `link`, or for the last
+    /// visual if the link has fewer visuals. Returns `None` if the file states no colour for this visual.
     pub fn stated(&self, link: &str, place: usize) -> Option<Colour> {
         self.0.get(link).and_then(|colours| colours.get(place).or(colours.last())).copied().flatten()
     }

@@ -3,15 +3,16 @@
 /// Accepted formats of a robot file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum FileFormat {
-    /// URDF, or MJCF if the root element is `<mujoco>`. If a folder contains both, the URDF is used.
+    /// URDF, or MJCF if the root element is `<mujoco>`. If a folder contains files of both formats, the URDF
+    /// is used.
     #[default]
     Any,
-    /// MJCF only. Robots of the catalogue are not considered.
+    /// MJCF only. Names of robots in the catalogue are not accepted.
     Mjcf,
 }
 
-/// Returns `true` if the root element of an XML text is `<mujoco>`. Declarations and comments before it are
-/// skipped.
+/// Returns `true` if the root element of an XML text is `<mujoco>`. Declarations and comments before the root
+/// element are skipped.
 pub fn is_mjcf(text: &str) -> bool {
     let mut rest = text;
     while let Some(start) = rest.find('<') {

@@ -7,8 +7,8 @@ use crate::{FileFormat, PackagePath};
 /// Treatment of the root link: fixed to the world or floating.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum BaseMode {
-    /// As in the robot's files: the root link floats if the profile specifies a floating base. Otherwise the
-    /// root link is fixed to the world, unless the only joint that moves it has the type `floating`.
+    /// As in the robot's files: the root link floats if the profile specifies a floating base, or if the only
+    /// joint that moves it has the type `floating`. Otherwise the root link is fixed to the world.
     #[default]
     AsFile,
     /// The root link floats.
@@ -24,31 +24,33 @@ pub struct LoadOptions {
     pub base: BaseMode,
     /// Treatment of mimic joints.
     pub mimic: MimicMode,
-    /// Folders searched for packages before those in `ROS_PACKAGE_PATH` and `AMENT_PREFIX_PATH`.
+    /// Folders that are searched for packages before the folders in `ROS_PACKAGE_PATH` and
+    /// `AMENT_PREFIX_PATH`.
     pub packages: PackagePath,
     /// Source of the profile.
     pub profile: ProfileChoice,
-    /// Shapes of the file that are used in the model.
+    /// Kind of shapes that the model contains: collision shapes or visible shapes.
     pub shapes: ShapeSource,
     /// Accepted format of the file.
     pub format: FileFormat,
 }
 
-/// Shapes of a robot file that are used in its [`Model`](crate::Model).
+/// Kind of shapes that a [`Model`](crate::Model) contains, of the kinds in a robot file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ShapeSource {
     /// Collision shapes.
     #[default]
     Collision,
-    /// Visible shapes, for images: the visuals of a URDF, the geoms of groups 0 to 2 of an MJCF file.
+    /// Visible shapes, for rendering: the visuals of a URDF, or the geoms in the groups 0 to 2 of an MJCF
+    /// file.
     Visual,
 }
 
 /// Source of a robot's profile.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum ProfileChoice {
-    /// The robot's own profile: from the catalogue, or else from the `.toml` file of the same name next to
-    /// the robot file, if there is one.
+    /// The robot's own profile: the profile in the catalogue or, for a robot file, the `.toml` file of the
+    /// same name in the same folder, if that file exists.
     #[default]
     Own,
     /// The profile in a file.

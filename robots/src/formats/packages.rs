@@ -26,8 +26,8 @@ impl PackagePath {
 
     /// Resolves `uri` to a path: `package://NAME/PATH`, `model://NAME/PATH`, `file://PATH`, or a path
     /// relative to `file`, the URDF that contains it. Packages are searched in the folders, the prefixes and
-    /// the ancestors of `file`. For a robot that was copied out of its package, the search continues in
-    /// ancestors of `file` that have the name of a folder in `PATH`.
+    /// the ancestors of `file`. If a robot was copied out of its package, the search continues in those
+    /// ancestors of `file` that have the same name as a folder in `PATH`.
     ///
     /// # Errors
     ///

@@ -11,12 +11,11 @@ const WIDEST: f64 = 0.3;
 const FINEST: f64 = 1e-3;
 const MOST_STEPS: usize = 60;
 
-/// Fits a tight capsule around `points`. Returns its pose, with the axis along z, and its
-/// [`Geometry::Capsule`].
+/// Fits a tight capsule around `points`. Returns the pose of the capsule, whose axis is along z, and its
+/// [`Geometry::Capsule`]. Returns `None` if `points` is empty.
 ///
 /// A local search from each principal axis of the points finds the axis with the minimum volume. The radius
-/// is the radius of the smallest circle around the points projected along the axis. Returns `None` if
-/// `points` is empty.
+/// of the capsule is the radius of the smallest circle around the points projected along this axis.
 pub fn fit_capsule(points: &[Vector3<f64>]) -> Option<(Isometry3<f64>, Geometry)> {
     if points.is_empty() {
         return None;

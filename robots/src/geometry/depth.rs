@@ -1,9 +1,10 @@
 //! Penetration depth of two convex cores by the expanding polytope algorithm (van den Bergen 2001) in fixed
 //! memory.
 //!
-//! The differences between points of the first core and points of the second form a convex set that contains
-//! the origin if the cores overlap. A polytope inside it grows at the face nearest to the origin until that
-//! face is on the set's boundary. It then gives the shortest separation.
+//! The differences between points of the first core and points of the second core form a convex set. If the
+//! cores overlap, this set contains the origin. A polytope inside the set grows at its face nearest to the
+//! origin until that face is on the set's boundary. This face then gives the shortest translation that
+//! separates the cores.
 
 use parry3d_f64::query::gjk::CsoPoint;
 

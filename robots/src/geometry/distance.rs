@@ -1,4 +1,4 @@
-//! Workspace for the distances of the pairs of a collision model.
+//! Workspace for the distances between the pairs of solids in a collision model.
 
 use super::depth::Polytope;
 use super::pairs::CollisionModel;
@@ -19,14 +19,14 @@ pub struct Proximity {
     pub pair: usize,
     /// Signed distance \[m\]: the gap, or the negative penetration depth.
     pub distance: f64,
-    /// For each solid, the point nearest to the other solid, in the world \[m\]. If the solids overlap, it is
-    /// the point deepest inside the other solid.
+    /// For each solid, its point nearest to the other solid, in the world \[m\]. If the solids overlap, the
+    /// point of each solid that is deepest inside the other solid.
     pub points: [Point3<f64>; 2],
     /// Unit vector from the first to the second solid, in world axes, such that `distance == normal .
     /// (points[1] - points[0])`.
     pub normal: Unit<Vector3<f64>>,
-    /// `true` if the search for the nearest points failed. `distance` is then only a lower bound, computed
-    /// from the bounding spheres, or NaN. Points and normal then belong to the bounding spheres.
+    /// `true` if the search for the nearest points failed. In this case, `distance` is only a lower bound,
+    /// computed from the bounding spheres, or NaN. `points` and `normal` then refer to the bounding spheres.
     pub is_bound: bool,
 }
 
@@ -46,8 +46,8 @@ pub struct Collisions {
 }
 
 impl Collisions {
-    /// Creates a workspace for `model`. Solids of the robot are placed by the first [`update`](Self::update);
-    /// obstacles are at their initial poses.
+    /// Creates a workspace for `model`. Obstacles are at their initial poses. Solids of the robot have no
+    /// valid pose before the first [`update`](Self::update).
     pub fn new(model: &CollisionModel) -> Self {
         Self {
             rotations: model.solids.iter().map(|solid| solid.rotation).collect(),
@@ -62,7 +62,7 @@ impl Collisions {
     }
 
     /// Places the robot's solids according to `kinematics`, whose last update must have covered all bodies.
-    /// If the model contains several robots, only the first is placed.
+    /// If the model contains several robots, only the first robot is placed.
     pub fn update(&mut self, model: &CollisionModel, kinematics: &Kinematics) {
         self.update_robot(model, 0, kinematics);
     }
@@ -84,15 +84,15 @@ impl Collisions {
         self.positions[index] = (pose * inverse * Point3::from(p)).coords.into();
     }
 
-    /// Sets the pose of any solid directly, as an alternative to [`update`](Self::update). `pose` is the pose
-    /// of the solid's [placement](CollisionModel::placement) in the world.
+    /// Sets the pose of any solid in the world directly, without [`update`](Self::update). `pose` is the pose
+    /// of the solid's [placement](CollisionModel::placement).
     pub fn set_pose(&mut self, index: usize, pose: &Isometry3<f64>) {
         self.rotations[index] = pose.rotation.to_rotation_matrix().into_inner().into();
         self.positions[index] = pose.translation.vector.into();
     }
 
-    /// Returns the pose of solid `index`: the pose of its [placement](CollisionModel::placement) in the
-    /// world.
+    /// Returns the pose of solid `index` in the world: the pose of its
+    /// [placement](CollisionModel::placement).
     pub fn pose(&self, index: usize) -> IsometryMatrix3<f64> {
         let rotation = Rotation3::from_matrix_unchecked(self.rotations[index].into());
         IsometryMatrix3::from_parts(Vector3::from(self.positions[index]).into(), rotation)
@@ -109,13 +109,13 @@ impl Collisions {
         self.last = 0;
     }
 
-    /// Returns the hints for the next distances: the search directions of the last distances, one per pair.
-    /// Hints and poses together determine the next distances bit for bit.
+    /// Returns the search directions of the last distance computations, one per pair, with which the next
+    /// searches start. These hints and the poses together determine the next distances bit for bit.
     pub fn hints(&self) -> Vec<[f64; 3]> {
         self.hints.iter().map(|hint| hint.array()).collect()
     }
 
-    /// Restores earlier [hints](Self::hints).
+    /// Restores search directions that [`hints`](Self::hints) returned earlier.
     pub fn set_hints(&mut self, hints: &[[f64; 3]]) {
         assert_eq!(hints.len(), self.hints.len(), "one direction per pair");
         for (hint, given) in self.hints.iter_mut().zip(hints) {
@@ -123,20 +123,20 @@ impl Collisions {
         }
     }
 
-    /// Returns the distance of the pair with index `pair`, or `None` if that distance is certainly above
-    /// `range` \[m\].
+    /// Returns the distance between the solids of the pair with index `pair`. Returns `None` if this distance
+    /// is certainly above `range` \[m\].
     pub fn distance_within(&mut self, model: &CollisionModel, pair: usize, range: f64) -> Option<Proximity> {
         self.measure(model, pair, range)
     }
 
-    /// Returns the distance of the pair with index `pair`.
+    /// Returns the distance between the solids of the pair with index `pair`.
     pub fn distance(&mut self, model: &CollisionModel, pair: usize) -> Proximity {
         // no distance exceeds this range; only surfaces can fail
         self.measure(model, pair, f64::MAX).unwrap_or_else(|| self.bound(model, pair))
     }
 
-    /// Returns all pairs that are closer than `range` \[m\], in the order of the pairs. Distant pairs are
-    /// cheap.
+    /// Returns all pairs that are closer than `range` \[m\], in the order of [`CollisionModel::pairs`]. Pairs
+    /// that are far apart cost little time.
     pub fn within(&mut self, model: &CollisionModel, range: f64) -> &[Proximity] {
         self.near.clear();
         for pair in 0..model.pairs.len() {

@@ -8,11 +8,13 @@ use crate::math::V3;
 use crate::{Kinematics, Model};
 
 impl CollisionModel {
-    /// Computes the gradient of a distance. `row . v` is the rate of change of `proximity.distance` \[m/s\]
-    /// for a robot velocity `v` and fixed obstacles. `row` has nv entries and is overwritten.
+    /// Computes the gradient of a distance with respect to the robot's motion. For a robot velocity `v` and
+    /// fixed obstacles, `row . v` is the rate of change of `proximity.distance` \[m/s\]. `row` has nv entries
+    /// and is overwritten.
     ///
-    /// `kinematics` must be at the configuration of the distance. The gradient is exact if the nearest points
-    /// are unique. Between parallel faces or edges it is the gradient at the points found.
+    /// `kinematics` must be at the configuration for which the distance was computed. The gradient is exact
+    /// if the nearest points are unique. Between parallel faces or edges, it is the gradient at the points in
+    /// `proximity`.
     pub fn distance_jacobian(
         &self,
         model: &Model,
@@ -31,8 +33,8 @@ impl CollisionModel {
         }
     }
 
-    /// Like [`distance_jacobian`](Self::distance_jacobian), for several distances, each with one row of
-    /// `out`. Further rows are unchanged.
+    /// Computes the gradients of several distances like [`distance_jacobian`](Self::distance_jacobian), and
+    /// writes one gradient per row of `out`. Surplus rows are unchanged.
     ///
     /// Panics if `out` has too few rows, or not nv columns.
     pub fn distance_jacobians(

@@ -1,8 +1,9 @@
-//! Collision geometry: signed distances between the links of a robot, and to obstacles.
+//! Collision geometry: signed distances between the links of a robot, and between links and obstacles.
 //!
 //! [`CollisionModel`] prepares the shapes of a [`Model`](crate::Model) once. Meshes become convex hulls or
 //! capsules, or remain triangle surfaces. Pairs that cannot collide or are excluded by rules are removed.
-//! [`Collisions`] is the workspace of its queries: distances with the nearest points, and their Jacobians.
+//! [`Collisions`] is the workspace for queries of the collision model: distances with the nearest points, and
+//! the Jacobians of the distances.
 //!
 //! Distances are signed: a positive distance is the gap \[m\], a negative distance the penetration depth.
 //! Points and normals are in world axes. Normals point from the first solid of a pair to the second.

@@ -15,10 +15,10 @@ use crate::{Geometry, Model, Shape};
 /// Options of a robot's collision model.
 #[derive(Clone, Debug)]
 pub struct CollisionOptions {
-    /// Collision shape that replaces meshes.
+    /// Kind of collision shape that replaces each mesh.
     pub meshes: MeshMode,
-    /// `true` if links connected by a joint are checked against each other. Their shapes overlap at the joint
-    /// in nearly all files. Default false.
+    /// `true` if links connected by a joint are checked against each other. In nearly all robot files, the
+    /// shapes of such links overlap at the joint. Default false.
     pub adjacent: bool,
     /// `true` if links that are attached to the same link by one joint each, such as two fingers, are checked
     /// against each other. Default true.
@@ -58,7 +58,7 @@ pub enum Attachment {
     Body(usize),
 }
 
-/// The collision model cannot be created.
+/// Error of creating a collision model.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum CollisionError {
     /// A shape cannot be used.
@@ -81,7 +81,7 @@ pub enum CollisionError {
     },
 }
 
-/// The solids of robots and obstacles, with the pairs to check. It is immutable while a
+/// The solids of robots and obstacles, with the pairs to check. The model is immutable while a
 /// [`Collisions`](super::Collisions) uses it.
 #[derive(Clone)]
 pub struct CollisionModel {
@@ -112,8 +112,9 @@ impl std::fmt::Debug for CollisionModel {
 impl CollisionModel {
     /// Prepares the shapes of `model`, and reads its mesh files.
     ///
-    /// Solids fixed to the same body are never checked against each other. Solids of two bodies connected by
-    /// a joint (ignoring bodies without shapes in between) are checked only if `options.adjacent` is set.
+    /// Solids fixed to the same body are never checked against each other. Solids of two bodies that are
+    /// connected by a joint, or by joints with only shapeless bodies in between, are checked only if
+    /// `options.adjacent` is set.
     ///
     /// # Errors
     ///
@@ -226,8 +227,8 @@ impl CollisionModel {
     }
 
     /// Adds an obstacle in the world. The obstacle is checked against every link of the robot that is not
-    /// fixed to the world, and against every [free object](Self::add_free_object). Returns the index of its
-    /// solid, for [`Collisions::move_obstacle`](super::Collisions::move_obstacle).
+    /// fixed to the world, and against every [free object](Self::add_free_object). Returns the solid index of
+    /// the obstacle, for [`Collisions::move_obstacle`](super::Collisions::move_obstacle).
     ///
     /// # Errors
     ///
@@ -243,8 +244,8 @@ impl CollisionModel {
         Ok(self.add(solid, placement, false))
     }
 
-    /// Adds a freely moving object: an obstacle that is checked against every other solid. Returns the index
-    /// of its solid.
+    /// Adds a freely moving object: an obstacle that is checked against every solid, including all obstacles.
+    /// Returns the solid index of the object.
     ///
     /// # Errors
     ///
@@ -260,8 +261,8 @@ impl CollisionModel {
         Ok(self.add(solid, placement, true))
     }
 
-    /// Adds a half-space as an obstacle, such as a ground. The half-space fills everything below the plane z
-    /// = 0 of `placement`. Returns the index of its solid.
+    /// Adds a half-space as an obstacle, such as the ground. The half-space fills everything below the plane
+    /// z = 0 of the frame `placement`. Returns the solid index of the half-space.
     pub fn add_half_space(&mut self, name: &str, placement: Isometry3<f64>) -> usize {
         self.add(Solid::half_space(name, placement), placement, false)
     }
@@ -290,7 +291,7 @@ impl CollisionModel {
         self.pairs.retain(keep);
     }
 
-    /// Excludes the pairs of two links or obstacles. Returns the number of excluded pairs.
+    /// Excludes all pairs of solids of two links or obstacles. Returns the number of excluded pairs.
     pub fn exclude(&mut self, first: &str, second: &str) -> usize {
         let before = self.pairs.len();
         let solids = &self.solids;
@@ -316,9 +317,9 @@ impl CollisionModel {
         self.solids[index].kind
     }
 
-    /// Returns the frame to which solid `index` is fixed. The body indices of an attachment refer to the
-    /// solid's [robot](Self::robot). For a base that is fixed in the world, the attachment is
-    /// [`Attachment::Base`] as well.
+    /// Returns the frame to which solid `index` is fixed. The body index of [`Attachment::Body`] refers to
+    /// the solid's [robot](Self::robot). Solids of a robot's base have [`Attachment::Base`] even if the base
+    /// is fixed in the world.
     pub fn attachment(&self, index: usize) -> Attachment {
         match self.slots[index] {
             FlatModel::WORLD => Attachment::World,
@@ -333,7 +334,7 @@ impl CollisionModel {
     }
 
     /// Returns the shape of solid `index`, relative to its [placement](Self::placement). For a
-    /// [surface](MeshMode::Surface) this is the convex hull.
+    /// [surface](MeshMode::Surface), this is the convex hull of the surface.
     pub fn convex_shape(&self, index: usize) -> ConvexShape {
         self.solids[index].convex_shape()
     }

@@ -3,9 +3,10 @@
 use nalgebra::Vector2;
 
 /// Computes the corners of the convex hull of points in a plane. The result is written to `corners`,
-/// counter-clockwise: two corners for collinear points, one for a single point. `at` projects a point into
-/// the plane; `points` are sorted in place. Nothing allocates if `corners` has capacity for twice the number
-/// of points plus two. (Andrew, *Another efficient algorithm for convex hulls in two dimensions*, 1979.)
+/// counter-clockwise. It has two corners for collinear points, and one corner for a single point. `at`
+/// projects a point into the plane, and `points` are sorted in place. Nothing allocates if `corners` has
+/// capacity for twice the number of points plus two. (Andrew, *Another efficient algorithm for convex hulls
+/// in two dimensions*, 1979.)
 ///
 /// ```
 /// use motorium_robots::convex_corners;

@@ -8,9 +8,9 @@ use crate::model::flat::FlatModel;
 use crate::{Kinematics, Model};
 
 impl CollisionModel {
-    /// Adds another robot with its own base and returns its index. `options` and their rules apply to the
-    /// links of this robot. Each of its links is also checked against every link of the previous robots,
-    /// unless both are fixed in the world next to floating bases.
+    /// Adds a further robot with its own base, and returns the index of this robot. `options` and their rules
+    /// apply to the links of the new robot. Each of these links is also checked against every link of the
+    /// previous robots, unless both links are fixed in the world next to floating bases.
     ///
     /// ```
     /// use motorium_robots::{CollisionModel, CollisionOptions, load};

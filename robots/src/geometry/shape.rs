@@ -41,7 +41,7 @@ pub enum ConvexShape {
     Cylinder {
         /// Radius \[m\].
         radius: f64,
-        /// Half its length \[m\].
+        /// Half the length of the cylinder \[m\].
         half_length: f64,
     },
     /// All points within `radius` of a segment.
@@ -74,8 +74,8 @@ impl ConvexShape {
         }
     }
 
-    /// Returns the planes of the faces of a hull: outward normal and offset \[m\]. Empty for other shapes and
-    /// for hulls without volume.
+    /// Returns the planes of the faces of a hull, each as an outward normal and an offset \[m\]. Empty for
+    /// shapes that are not hulls, and for hulls without volume.
     pub fn faces(&self) -> Vec<(Vector3<f64>, f64)> {
         let Self::Hull { points } = self else { return Vec::new() };
         let planes = planes(points).unwrap_or_default();

@@ -12,7 +12,7 @@ use super::support::{Cloud, Core};
 use crate::math::{M3, V3, v3, vector};
 use crate::{Geometry, MeshError, Shape, TriangleMesh};
 
-/// Collision shape that replaces a mesh.
+/// Kind of collision shape that replaces a mesh.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MeshMode {
     /// Convex hull. If the hull has more than `most_corners` corners, a capsule around the mesh replaces the
@@ -21,14 +21,13 @@ pub enum MeshMode {
         /// Maximum number of corners of a hull.
         most_corners: usize,
     },
-    /// A capsule around the mesh: the cheapest option, and smooth.
+    /// A capsule around the mesh. This is the fastest option, and its distances are smooth.
     Capsule,
-    /// Convex hull of the 26 points that are outermost towards the faces, edges and corners of a cube. It is
-    /// coarse and slightly smaller than the mesh, but sufficient for contact points, of which a robot needs
-    /// only a few.
+    /// Convex hull of the 26 points that are outermost towards the faces, edges and corners of a cube. This
+    /// hull is coarse and slightly smaller than the mesh, but sufficient for simulating contacts.
     Outermost,
-    /// The triangles themselves: exact and slow. Surfaces have no interior. If a surface intersects another
-    /// solid, the distance is the negative depth of the deepest triangle.
+    /// The triangles of the mesh: exact and slow. A surface has no interior. If a surface intersects a solid,
+    /// their distance is the negative depth of the deepest triangle.
     Surface,
 }
 
@@ -41,7 +40,7 @@ impl Default for MeshMode {
 /// Kind of shape of a solid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SolidKind {
-    /// A primitive, as in the file.
+    /// A primitive shape of the robot's file, such as a box.
     Primitive,
     /// The convex hull of a mesh.
     Hull {
@@ -59,7 +58,7 @@ pub enum SolidKind {
     },
 }
 
-/// A geometry cannot be used for distances.
+/// Reason why a shape cannot be used for distances.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SolidProblem {
     /// The mesh file was not found when the robot was loaded.

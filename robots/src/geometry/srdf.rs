@@ -7,12 +7,13 @@ use roxmltree::{Document, Node, ParsingOptions};
 /// The collision rules of an SRDF file. Groups, states and end effectors are skipped.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Srdf {
-    /// `<disable_collisions link1 link2>`
+    /// Pairs of links in `<disable_collisions link1 link2>`: these links are not checked against each other.
     pub disabled: Vec<(String, String)>,
-    /// `<enable_collisions link1 link2>`: overrides all rules that disable checks of the pair.
+    /// Pairs of links in `<enable_collisions link1 link2>`: these links are checked against each other, even
+    /// if a rule disables the check.
     pub enabled: Vec<(String, String)>,
-    /// `<disable_default_collisions link>`: the link is checked only against links paired with it in
-    /// `enabled`.
+    /// Links in `<disable_default_collisions link>`: each of these links is only checked against links that
+    /// are paired with it in `enabled`.
     pub disabled_links: Vec<String>,
 }
 
@@ -71,7 +72,7 @@ impl Srdf {
         Ok(rules)
     }
 
-    /// Returns the rules with `prefix` before all link names, for a robot with prefixed names.
+    /// Returns the rules with `prefix` before all link names, for a [prefixed](crate::Model::prefixed) robot.
     pub fn prefixed(&self, prefix: &str) -> Self {
         let named = |link: &String| format!("{prefix}{link}");
         let pairs = |pairs: &[(String, String)]| pairs.iter().map(|(a, b)| (named(a), named(b))).collect();
@@ -82,7 +83,7 @@ impl Srdf {
         }
     }
 
-    /// Adds the rules of another robot in the same world.
+    /// Adds `other`, the rules of a further robot in the same world.
     pub fn extend(&mut self, other: Self) {
         self.disabled.extend(other.disabled);
         self.enabled.extend(other.enabled);

@@ -15,7 +15,7 @@ pub struct SurfaceTriangle {
     pub corners: [Point3<f64>; 3],
     /// Outward unit normal.
     pub normal: Vector3<f64>,
-    /// Depth \[m\] of the valley at each side: the height by which the neighbouring triangle across the side
+    /// Depth \[m\] of the valley at each side of the triangle: the height by which the neighbouring triangle
     /// rises above this triangle's plane; 0 if the neighbour does not rise. The first side runs from the
     /// first to the second corner.
     pub valley: [f64; 3],
@@ -26,14 +26,16 @@ pub struct SurfaceTriangle {
 pub struct SurfaceEdge {
     /// Ends \[m\].
     pub ends: [Point3<f64>; 2],
-    /// Outward unit normals of both adjacent triangles. At a rim, the first is the normal of the only
-    /// triangle. The second is the direction in the triangle's plane that points away from the triangle.
+    /// Outward unit normals of both adjacent triangles. At a rim, which has only one adjacent triangle, the
+    /// first vector is the normal of this triangle. The second vector is in the triangle's plane and points
+    /// away from the triangle.
     pub normals: [Vector3<f64>; 2],
 }
 
 /// Surface of a mesh, for contacts and rays. The front side of its triangles is outside.
 ///
-/// Flat and concave sides of triangles are not [edges](SurfaceEdge), so nothing catches on them.
+/// Only convex ridges and rims are [edges](SurfaceEdge). Contacts therefore do not catch on flat or concave
+/// sides between triangles.
 ///
 /// ```
 /// use motorium_robots::{TriangleMesh, TriangleSurface};
@@ -142,7 +144,7 @@ impl TriangleSurface {
         self.reach
     }
 
-    /// Returns the triangles.
+    /// Returns the triangles of the surface.
     pub fn triangles(&self) -> &[SurfaceTriangle] {
         &self.triangles
     }
@@ -186,8 +188,9 @@ impl TriangleSurface {
         self.edge_tree.visit(|bounds| overlap(bounds, &wanted), |index| visit(index, &self.edges[index]));
     }
 
-    /// Returns the distance \[m\] along a ray to the first triangle within `range` \[m\], and the triangle's
-    /// normal on the side of the ray's origin. `None` without a hit.
+    /// Returns the distance \[m\] along a ray to the first triangle that it hits within `range` \[m\], and
+    /// the normal of this triangle on the side of the ray's origin. Returns `None` if the ray hits no
+    /// triangle.
     #[inline]
     pub fn meet(&self, origin: V3, direction: V3, range: f64) -> Option<(f64, V3)> {
         let inverse = V3::new(1.0 / direction.x, 1.0 / direction.y, 1.0 / direction.z);
@@ -229,8 +232,8 @@ impl SurfaceTriangle {
     }
 
     /// Returns `true` if the triangle is below `point`, seen along the triangle's normal. At a side in a
-    /// [`valley`](Self::valley), the point may be beyond the side by `slack` \[m\] or the neighbour's rise,
-    /// whichever is smaller. Points farther out may be over the neighbour.
+    /// [`valley`](Self::valley), the point may be beyond the side by up to `slack` \[m\] or the depth of the
+    /// valley, whichever is smaller. Points farther out may be above the neighbouring triangle.
     pub fn is_below(&self, point: &Point3<f64>, slack: f64) -> bool {
         (0..3).all(|side| {
             let (start, end) = (self.corners[side], self.corners[(side + 1) % 3]);

@@ -1,4 +1,4 @@
-//! Candidate nearest points of two solids that rotate.
+//! Witnesses: points of two solids that may become their nearest points when the solids rotate.
 
 use nalgebra::{Point3, Vector2, Vector3};
 
@@ -77,18 +77,19 @@ impl Collisions {
     /// Maximum number of [witnesses](Self::witnesses) of a pair.
     pub const MOST_WITNESSES: usize = 12;
 
-    /// Appends up to `most` witnesses of a pair to `found`, but no more than
-    /// [`MOST_WITNESSES`](Self::MOST_WITNESSES). Witnesses are pairs of opposite points that may become the
-    /// nearest points after a small rotation. `nearest`, measured at these poses, is not included. Each
-    /// witness has the normal of `nearest`. The distance of a witness is the gap along that normal, which is
-    /// at least the distance of `nearest`.
+    /// Appends witnesses of a pair to `found`: pairs of opposite points that may become the nearest points
+    /// after a small rotation. Their number is at most `most`, and never above
+    /// [`MOST_WITNESSES`](Self::MOST_WITNESSES). `nearest` is the result of [`distance`](Self::distance) at
+    /// the current poses; its points are not appended. Each witness has the normal of `nearest`. The distance
+    /// of a witness is the gap along this normal, which is at least the distance of `nearest`.
     ///
     /// Between a flat face and an edge or another face, the nearest points jump from corner to corner as the
     /// solids rotate. The [gradient](CollisionModel::distance_jacobian) at one corner therefore does not
-    /// cover the others. The witnesses are the corners of the overlap region: points farthest along the
-    /// normal, or along a normal tilted by 0.05 rad. Spheres and [surfaces](super::MeshMode::Surface) have no
-    /// witnesses, nor does a pair with only a known [bound](Proximity::is_bound). If there are more than
-    /// `most`, the witnesses that contribute most to the region are kept.
+    /// describe the distances at the remaining corners. The witnesses are the corners of the overlap region:
+    /// the points farthest along the normal, or along a normal tilted by 0.05 rad. Spheres,
+    /// [surfaces](super::MeshMode::Surface), and pairs for which only a [bound](Proximity::is_bound) is known
+    /// have no witnesses. If there are more witnesses than `most`, the function keeps those which contribute
+    /// most to the overlap region.
     ///
     /// ```
     /// use motorium_robots::{CollisionModel, CollisionOptions, Collisions, Geometry, MeshMode, load};

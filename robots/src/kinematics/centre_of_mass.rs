@@ -14,13 +14,14 @@ pub struct CentreOfMass {
     pub position: Vector3<f64>,
     /// Velocity \[m/s\].
     pub velocity: Vector3<f64>,
-    /// Acceleration \[m/s2\]. After [`Kinematics::update_with_velocity`] this is the drift `Jdot v`.
+    /// Acceleration \[m/s2\]. After [`Kinematics::update_with_velocity`], which assumes zero acceleration
+    /// `a`, this is the drift `Jdot v`.
     pub acceleration: Vector3<f64>,
 }
 
 impl Kinematics {
-    /// Returns the position, velocity and acceleration of the centre of mass for the last update. Links fixed
-    /// to the world are ignored. The result is NaN for a robot without mass.
+    /// Returns the position, velocity and acceleration of the centre of mass at the last update of the
+    /// kinematics. Links fixed to the world are ignored. The result is NaN for a robot without mass.
     pub fn centre_of_mass(&self, model: &Model) -> CentreOfMass {
         let flat = model.flat();
         let (mut mass, mut position, mut velocity, mut acceleration) = (0.0, V3::ZERO, V3::ZERO, V3::ZERO);
@@ -46,7 +47,7 @@ impl Kinematics {
     /// Computes the Jacobian of the centre of mass (3 x nv) in world axes. `jacobian * v` is the velocity of
     /// the centre of mass \[m/s\].
     ///
-    /// `out` is overwritten. It is NaN for a robot without mass.
+    /// `out` is overwritten. Its entries are NaN for a robot without mass.
     pub fn com_jacobian<R: Dim, C: Dim, S: StorageMut<f64, R, C>>(
         &self,
         model: &Model,

@@ -20,8 +20,9 @@ impl Kinematics {
         isometry(&(body.rotation * self.align[index].transpose()), body.position)
     }
 
-    /// Returns the velocity of a body's origin and its angular velocity, in world axes. `index` is an index
-    /// in [`Model::bodies`], or `None` for the base. The result is zero after [`update`](Self::update).
+    /// Returns the velocity of a body's origin and the angular velocity of the body, in world axes. `index`
+    /// is an index in [`Model::bodies`], or `None` for the base. The result is zero after
+    /// [`update`](Self::update), which has no velocity argument.
     pub fn body_velocity(&self, index: Option<usize>) -> Twist {
         let body = &self.bodies[index.map_or(0, |index| index + 1)];
         Twist { linear: body.linear.into(), angular: body.angular.into() }
@@ -33,14 +34,15 @@ impl Kinematics {
         self.bodies[index.map_or(0, |index| index + 1)].position.into()
     }
 
-    /// Returns the velocity of `frame`'s origin and its angular velocity, in world axes
-    /// ([`Reference::LocalWorldAligned`]). The result is zero after [`update`](Self::update).
+    /// Returns the velocity of `frame`'s origin and the angular velocity of `frame`, in world axes
+    /// ([`Reference::LocalWorldAligned`]). The result is zero after [`update`](Self::update), which has no
+    /// velocity argument.
     pub fn velocity(&self, model: &Model, frame: FrameId) -> Twist {
         self.velocity_in(model, frame, Reference::LocalWorldAligned)
     }
 
-    /// Returns the velocity of `frame` at the point and in the axes of `reference`. The result is zero after
-    /// [`update`](Self::update).
+    /// Returns the velocity of `frame` at the reference point and in the axes that `reference` selects. The
+    /// result is zero after [`update`](Self::update), which has no velocity argument.
     pub fn velocity_in(&self, model: &Model, frame: FrameId, reference: Reference) -> Twist {
         let placement = &model.flat().frame_placements[frame.index()];
         let body = self.carrier(placement);
@@ -49,8 +51,8 @@ impl Kinematics {
         express(reference, &(body.rotation, placement.rotation), body.position + arm, (linear, body.angular))
     }
 
-    /// Returns the classical acceleration of `frame`'s origin and its angular acceleration, in world axes:
-    /// `J a + Jdot v` of the local-world-aligned Jacobian.
+    /// Returns the classical acceleration of `frame`'s origin and the angular acceleration of `frame`, in
+    /// world axes: `J a + Jdot v`, with `J` the Jacobian in [`Reference::LocalWorldAligned`].
     ///
     /// After [`update_with_velocity`](Self::update_with_velocity), `a` is zero and the result is the drift
     /// `Jdot v`.
@@ -63,13 +65,13 @@ impl Kinematics {
         Twist { linear: linear.into(), angular: body.angular_rate.into() }
     }
 
-    /// Returns the time derivative of [`velocity_in`](Self::velocity_in): `J a + Jdot v` of the Jacobian in
-    /// `reference`.
+    /// Returns the time derivative of [`velocity_in`](Self::velocity_in): `J a + Jdot v`, with `J` the
+    /// Jacobian in `reference`.
     ///
-    /// In [`Reference::LocalWorldAligned`] this is the classical [`acceleration`](Self::acceleration). In the
-    /// other references it is the spatial acceleration, which lacks the term `w x v` of the origin's motion.
-    /// After [`update_with_velocity`](Self::update_with_velocity), `a` is zero and the result is the drift
-    /// `Jdot v`.
+    /// In [`Reference::LocalWorldAligned`], this is the classical [`acceleration`](Self::acceleration). In
+    /// [`Reference::Local`] and [`Reference::World`], it is the spatial acceleration, which lacks the term `w
+    /// x v` of the origin's motion. After [`update_with_velocity`](Self::update_with_velocity), `a` is zero
+    /// and the result is the drift `Jdot v`.
     pub fn acceleration_in(&self, model: &Model, frame: FrameId, reference: Reference) -> Twist {
         let classical = self.acceleration(model, frame);
         if reference == Reference::LocalWorldAligned {

@@ -12,7 +12,7 @@ use crate::{FrameId, Kinematics, Model, Reference};
 const PRIMES: [f64; 16] =
     [2.0, 3.0, 5.0, 7.0, 11.0, 13.0, 17.0, 19.0, 23.0, 29.0, 31.0, 37.0, 41.0, 43.0, 47.0, 53.0];
 
-/// Options of the search.
+/// Options of the search for a configuration in which a frame has a target pose.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct IkOptions {
     /// Maximum distance between the frame and the target at which the target counts as reached \[m\].
@@ -22,10 +22,11 @@ pub struct IkOptions {
     pub rotation_tolerance: f64,
     /// Maximum number of iterations from each initial guess.
     pub iterations: usize,
-    /// Number of initial guesses. The first is the given configuration; the others are spread over the joint
-    /// limits.
+    /// Number of initial guesses. The first guess is the given configuration; all further guesses are spread
+    /// over the ranges of the joints.
     pub seeds: usize,
-    /// Gain per iteration of the null-space pull towards the initial posture, from 0 (no pull) to 1.
+    /// Gain per iteration with which redundant joints are pulled towards the initial posture, from 0 (no
+    /// pull) to 1.
     pub posture: f64,
 }
 
@@ -44,7 +45,7 @@ pub struct IkSolution {
     pub position_error: f64,
     /// Remaining angle from the target \[rad\].
     pub rotation_error: f64,
-    /// Index of the successful initial guess, from 0.
+    /// Index of the successful initial guess, counted from 0.
     pub seed: usize,
     /// Number of iterations from the successful guess.
     pub iterations: usize,
@@ -57,16 +58,16 @@ pub enum IkProgress {
     Searching,
     /// The search succeeded: `q` reaches the target.
     Found(IkSolution),
-    /// No initial guess leads to the target. `q` is the best configuration found.
+    /// No initial guess led to the target. `q` is the best configuration found.
     NotFound {
-        /// Distance of the best configuration from the target \[m\].
+        /// Distance between the frame and the target in the best configuration \[m\].
         position_error: f64,
-        /// Angle of the best configuration from the target \[rad\].
+        /// Angle between the frame and the target in the best configuration \[rad\].
         rotation_error: f64,
     },
 }
 
-/// The search failed. `q` is the best configuration found.
+/// Error of a failed search. `q` is the best configuration found.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error(
     "no configuration found that moves \"{frame}\" to the target within tolerance, from {seeds} starting points; the best is \
@@ -78,13 +79,13 @@ pub struct IkFailure {
     pub frame: String,
     /// Number of initial guesses tried.
     pub seeds: usize,
-    /// Distance of the best configuration from the target \[m\].
+    /// Distance between the frame and the target in the best configuration \[m\].
     pub position_error: f64,
-    /// Angle of the best configuration from the target \[rad\].
+    /// Angle between the frame and the target in the best configuration \[rad\].
     pub rotation_error: f64,
     /// Names of the joints at a limit.
     pub at_limits: Vec<String>,
-    /// `true` if the configuration is singular, with the arm stretched or folded. No joint motion then
+    /// `true` if the configuration is singular, with the arm stretched or folded, so that no joint motion
     /// reduces the error further.
     pub singular: bool,
 }
@@ -98,7 +99,7 @@ fn explanation(at_limits: &[String], singular: bool) -> String {
 }
 
 /// Workspace for the inverse kinematics of one [`Model`] with a fixed or floating base. Only
-/// [`new`](Self::new) and failures allocate.
+/// [`new`](Self::new) and the creation of an error allocate.
 #[derive(Clone, Debug)]
 pub struct InverseKinematics {
     kinematics: Kinematics,
@@ -147,7 +148,8 @@ impl InverseKinematics {
     ///
     /// # Errors
     ///
-    /// [`IkFailure`]. `q` is then the best configuration found.
+    /// [`IkFailure`] if no initial guess leads to the target. In this case `q` is the best configuration
+    /// found.
     pub fn solve(
         &mut self,
         model: &Model,
@@ -172,8 +174,8 @@ impl InverseKinematics {
     }
 
     /// Continues a search for at most `steps` iterations, for control loops that must not wait for a
-    /// solution. Repeated calls produce the same result as [`solve`](Self::solve). The other arguments must
-    /// not change between calls. Does not allocate.
+    /// solution. Repeated calls produce the same result as [`solve`](Self::solve). All arguments except
+    /// `steps` must stay unchanged between calls. Does not allocate.
     ///
     /// ```
     /// # use motorium_robots::{IkOptions, IkProgress, InverseKinematics, Kinematics, load};

@@ -11,7 +11,7 @@ impl Kinematics {
     /// Computes the Jacobian of `frame` (6 x nv, linear rows first). `jacobian * v` is the velocity of the
     /// frame in `reference`.
     ///
-    /// `out` may be any 6 x nv matrix or view; it is overwritten. Columns of joints that do not move the
+    /// `out` may be any 6 x nv matrix or view, and is overwritten. Columns of joints that do not move the
     /// frame are zero.
     pub fn jacobian<R: Dim, C: Dim, S: StorageMut<f64, R, C>>(
         &self,
@@ -46,8 +46,8 @@ impl Kinematics {
     }
 
     /// Computes the Jacobian of `frame` at `q` (nq). The result equals [`jacobian`](Self::jacobian) after an
-    /// update, but only the bodies that carry `frame` are processed. Other results of the last update become
-    /// invalid.
+    /// update at `q`, but only the bodies that carry `frame` are processed. All other results of the last
+    /// update become invalid.
     pub fn jacobian_at<R: Dim, C: Dim, S: StorageMut<f64, R, C>>(
         &mut self,
         model: &Model,
@@ -113,9 +113,9 @@ impl Kinematics {
         }
     }
 
-    /// Updates only the bodies that carry `frame`, at `q` (nq). The [`pose`](Self::pose) and
-    /// [`jacobian`](Self::jacobian) of `frame` are then valid. Frames on other bodies and all velocities are
-    /// unchanged.
+    /// Updates only the bodies that carry `frame` to the configuration `q` (nq). Afterwards, the
+    /// [`pose`](Self::pose) and [`jacobian`](Self::jacobian) of `frame` are valid. Frames on bodies that do
+    /// not carry `frame`, and all velocities, are unchanged.
     pub fn place_carriers(&mut self, model: &Model, q: &[f64], frame: FrameId) {
         self.check(model, q);
         let flat = model.flat();
@@ -137,8 +137,8 @@ impl Kinematics {
         }
     }
 
-    /// Computes the Jacobian of `frame` relative to `base` (6 x nv, linear rows first). It maps `v` to the
-    /// velocity of the origin of `frame` as seen from `base`, in the axes of `base`.
+    /// Computes the Jacobian of `frame` relative to the frame `base` (6 x nv, linear rows first). This
+    /// Jacobian maps `v` to the velocity of `frame`'s origin as seen from `base`, in the axes of `base`.
     ///
     /// `scratch` is a second 6 x nv matrix that is overwritten.
     pub fn relative_jacobian<R: Dim, C: Dim, S: StorageMut<f64, R, C>>(
@@ -162,9 +162,10 @@ impl Kinematics {
         }
     }
 
-    /// Adds the Jacobian of a point, multiplied by `sign`, to the first three columns of `out`. `out` has one
-    /// row per entry of `v` (nv), and each of these columns belongs to one direction in `axes`. The point is
-    /// fixed to body `body` (`None` for the base) and is currently at `point` in the world \[m\].
+    /// Adds the transposed Jacobian of a point, multiplied by `sign`, to the first three columns of `out`.
+    /// `out` has one row per entry of `v` (nv). Each of the three columns belongs to one direction in `axes`.
+    /// The point is fixed to body `body` (`None` for the base) and is currently at `point` in the world
+    /// \[m\].
     pub fn add_point_jacobian(
         &self,
         model: &Model,

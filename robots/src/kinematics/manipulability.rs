@@ -17,14 +17,15 @@ impl TaskRows {
     pub const POSITION: Self = Self([true, true, true, false, false, false]);
     /// Angular velocity of the frame.
     pub const ORIENTATION: Self = Self([false, false, false, true, true, true]);
-    /// All six motions. Metres and radians then have equal weights.
+    /// All six motions. Metres and radians have equal weights in the manipulability.
     pub const POSE: Self = Self([true; 6]);
 }
 
 impl Kinematics {
-    /// Returns the manipulability of `frame` by the joints, `sqrt(det(J J'))` of the selected rows. The
-    /// manipulability is zero in a singular configuration, and whenever fewer joints move the frame than
-    /// there are rows. A floating base is excluded, because it can move in every direction.
+    /// Returns the manipulability of `frame`: `sqrt(det(J J'))`, where `J` contains the selected rows of the
+    /// frame's Jacobian. The manipulability is zero in a singular configuration, and if the number of joints
+    /// that move the frame is less than the number of rows. The columns of a floating base are excluded,
+    /// because a floating base can move in every direction.
     pub fn manipulability(&self, model: &Model, frame: FrameId, rows: TaskRows) -> f64 {
         // The square root of rounding noise is only accurate to half the digits.
         self.gram(model, frame, rows).determinant().max(0.0).sqrt()

@@ -1,4 +1,4 @@
-//! Forward kinematics to second order, in world axes.
+//! Forward kinematics: poses, velocities and accelerations of frames, in world axes.
 
 mod centre_of_mass;
 mod frames;
@@ -38,8 +38,8 @@ impl BodyState {
 
 /// Workspace for the kinematics of one [`Model`]. Only [`new`](Self::new) allocates.
 ///
-/// Call one of the update methods before any other. Methods panic if slices, matrices or the number of bodies
-/// do not match the model.
+/// Call one of the update methods before any other method. Methods panic if the length of a slice, the size
+/// of a matrix or the number of bodies does not match the model.
 ///
 /// ```
 /// use motorium_robots::{Kinematics, Reference, load};
@@ -90,8 +90,8 @@ impl Kinematics {
         }
     }
 
-    /// Computes forward kinematics of all bodies at `q` (nq) with the velocity `v` (nv). Accelerations are
-    /// the drift `Jdot v` of every frame, for `a = 0`.
+    /// Computes forward kinematics of all bodies at `q` (nq) with the velocity `v` (nv). The acceleration `a`
+    /// is assumed to be zero, so the acceleration of each frame is its drift `Jdot v`.
     pub fn update_with_velocity(&mut self, model: &Model, q: &[f64], v: &[f64]) {
         widest(Moving { kinematics: self, model, motion: (q, v) });
     }
@@ -107,7 +107,11 @@ impl Kinematics {
     #[inline(always)]
     fn check(&self, model: &Model, q: &[f64]) {
         assert_eq!(q.len(), model.nq(), "length of q");
-        assert_eq!(self.bodies.len(), model.bodies().len() + 1, "the workspace was made for another model");
+        assert_eq!(
+            self.bodies.len(),
+            model.bodies().len() + 1,
+            "the workspace was made for a different model"
+        );
     }
 
     #[inline(always)]

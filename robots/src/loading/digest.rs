@@ -1,4 +1,5 @@
-//! Digests of robots. Equal robots have equal digests, regardless of the order of their joints.
+//! Digests of robots, which detect that a file was made for a different robot. Equal robots have equal
+//! digests, regardless of the order of their joints.
 
 use core::hash::Hasher as _;
 

@@ -11,14 +11,14 @@ use crate::{
 };
 
 impl Loaded {
-    /// Returns the robot as URDF for viewers. For a URDF file, this is the text of the file with
-    /// [held](Self::held) joints fixed. For an MJCF file, or if the joints cannot be fixed in the text, the
-    /// model is [written](draw_as_urdf) as URDF, with visual shapes if they can be read. `None` if the robot
-    /// was not loaded from a file. The meshes include the shells of the catalogue.
+    /// Returns the robot as URDF for viewers, or `None` if the robot was not loaded from a file. For a URDF
+    /// file, this is the text of the file, in which [held](Self::held) joints are fixed. For an MJCF file,
+    /// and if the joints cannot be fixed in the text, the model is [written](draw_as_urdf) as URDF, with
+    /// visual shapes if they can be read. The meshes include the shells of the catalogue.
     ///
     /// # Errors
     ///
-    /// The file can no longer be read.
+    /// The robot's file has been removed or cannot be read.
     pub fn drawn(&self) -> io::Result<Option<DrawnRobot>> {
         let Some(text) = self.text()? else { return Ok(None) };
         if !is_mjcf(&text) {
@@ -47,9 +47,9 @@ impl Loaded {
         included.filter_map(|uri| Some((uri.to_owned(), shell(uri)?))).collect()
     }
 
-    /// Returns the colours of the links' visuals in the robot's file. For MJCF with
-    /// [`ShapeSource::Collision`] these are the colours of the model's geoms, or of visual geoms if none of
-    /// the model's geoms has a colour. The result is empty without a file.
+    /// Returns the colours of the links' visuals in the robot's file; empty if the robot was not loaded from
+    /// a file. For MJCF with [`ShapeSource::Collision`], these are the colours of the model's geoms or, if no
+    /// geom of the model has a colour, the colours of visual geoms.
     ///
     /// ```
     /// use motorium_robots::{ShapeSource, load};
@@ -62,7 +62,7 @@ impl Loaded {
     ///
     /// # Errors
     ///
-    /// The file can no longer be read.
+    /// The robot's file has been removed or cannot be read.
     pub fn link_colours(&self, shapes: ShapeSource) -> io::Result<LinkColours> {
         let Some(text) = self.text()? else { return Ok(LinkColours::default()) };
         if !is_mjcf(&text) {
@@ -85,7 +85,7 @@ impl Loaded {
     ///
     /// # Errors
     ///
-    /// The file can no longer be read.
+    /// The robot's file has been removed or cannot be read.
     pub fn is_mjcf(&self) -> io::Result<bool> {
         Ok(self.text()?.is_some_and(|text| is_mjcf(&text)))
     }

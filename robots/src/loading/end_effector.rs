@@ -2,7 +2,7 @@
 
 use crate::{FrameId, Loaded, Model, Profile, UnknownFrame};
 
-/// The frame to control cannot be determined.
+/// Error of determining the frame to control.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum EndEffectorError {
     /// No frame is named, and the profile has no end effector or does not exist.
@@ -48,8 +48,8 @@ impl EndEffectorError {
 }
 
 impl Model {
-    /// Returns the end effector: the frame named `frame` or, if `frame` is `None`, the only end effector of
-    /// `profile`.
+    /// Returns the frame to control: the frame named `frame` or, if `frame` is `None`, the only end effector
+    /// of `profile`.
     ///
     /// # Errors
     ///
@@ -95,8 +95,8 @@ impl Model {
     }
 
     /// Returns the tip of the robot: a frame of the last body in the longest chain of joints, not counting
-    /// fingers. If this body has several frames, the tip is the last of them, which is usually the tool.
-    /// `None` if no joint moves any frame.
+    /// fingers. If this body has several frames, the tip is the last frame, which is usually the tool.
+    /// Returns `None` if no joint moves any frame.
     ///
     /// ```
     /// # use std::path::Path;
@@ -133,7 +133,7 @@ impl Model {
 }
 
 impl Loaded {
-    /// Like [`Model::end_effector`], with the profile of the loaded robot.
+    /// Returns the frame to control, like [`Model::end_effector`] with the profile of the loaded robot.
     ///
     /// # Errors
     ///

@@ -1,5 +1,6 @@
-//! Installed robots: in `$MOTORIUM_ROBOTS`, otherwise in `motorium/robots` in the user's data folder. Each
-//! folder there is a collection; every `.urdf` file in it is a robot.
+//! Installed robots. They are in the folder `$MOTORIUM_ROBOTS` or, if this variable is not set, in
+//! `motorium/robots` in the user's data folder. Each subfolder is a collection, in which every `.urdf` file
+//! is a robot.
 
 use std::path::{Path, PathBuf};
 
@@ -8,7 +9,7 @@ use std::path::{Path, PathBuf};
 pub struct Installed {
     /// Name by which the robot is loaded: the name of its file without the extension.
     pub name: String,
-    /// Collection to which the robot belongs. `COLLECTION/NAME` also loads the robot.
+    /// Collection to which the robot belongs. The robot can be loaded as `COLLECTION/NAME` or as `NAME`.
     pub collection: String,
     /// URDF file of the robot.
     pub urdf: PathBuf,

@@ -1,5 +1,5 @@
-//! Robots with a subset of their joints moved by a graph. The other joints are held at given positions and
-//! their bodies welded.
+//! Robots of which a graph moves only some joints. The remaining joints are held at given positions, and
+//! their bodies are welded together.
 
 use std::collections::BTreeMap;
 

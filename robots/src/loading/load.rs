@@ -27,15 +27,16 @@ pub struct Loaded {
     pub model: Model,
     /// Warnings about defects of the robot's file, to be shown to the user.
     pub warnings: Vec<ModelWarning>,
-    /// Profile of the robot: from the catalogue, or from the `.toml` file of the same name next to the robot
-    /// file.
+    /// Profile of the robot: from the catalogue, or from the `.toml` file with the same name and in the same
+    /// folder as the robot file. `None` if the robot has no profile.
     pub profile: Option<Profile>,
-    /// Named poses of the SRDF next to the file, or in the `srdf` folder next to the file's folder.
+    /// Named poses of the SRDF, which is in the folder of the robot file or in a folder `srdf` next to that
+    /// folder.
     pub postures: Vec<Posture>,
     /// Pairs of bodies that an MJCF file excludes from collision.
     pub exclusions: Srdf,
-    /// Held joints of the file, each with the position \[rad or m\] at which the graph holds it. They are not
-    /// in the model.
+    /// Joints of the file that the graph holds, each with its position \[rad or m\]. Held joints are not part
+    /// of the model.
     pub held: Vec<(String, f64)>,
     /// Catalogue entry; `None` if the robot is not from the catalogue.
     pub entry: Option<&'static Entry>,
@@ -54,7 +55,7 @@ impl Loaded {
     ///
     /// # Errors
     ///
-    /// The file can no longer be read.
+    /// The robot's file has been removed or cannot be read.
     pub fn text(&self) -> io::Result<Option<String>> {
         match (&self.entry, &self.path) {
             (Some(entry), _) => Ok(Some(entry.urdf.to_string())),
@@ -64,7 +65,7 @@ impl Loaded {
     }
 }
 
-/// The robot cannot be loaded.
+/// Error of loading a robot.
 #[derive(Debug, thiserror::Error)]
 pub enum LoadError {
     /// The robot is neither in the catalogue nor on disk.
@@ -75,9 +76,9 @@ pub enum LoadError {
     NotFound {
         /// Reference to the robot as written.
         reference: String,
-        /// Path of the missing file or folder to which the reference would refer.
+        /// Path of the missing file or folder, if the reference is meant as a path.
         path: PathBuf,
-        /// The closest robot in the catalogue or installed.
+        /// Name of the most similar robot in the catalogue or among the installed robots.
         nearest: Option<String>,
     },
     /// The folder contains no robot.
@@ -134,8 +135,8 @@ pub enum LoadError {
 /// Loads a robot by reference: a catalogue name (`panda`), a folder or file relative to `base`, or the name
 /// of an [installed](crate::installed) robot. A file is URDF, or MJCF if its root element is `<mujoco>`.
 ///
-/// A catalogue name takes precedence over a folder with the same name (write `./panda` for the folder). A
-/// folder takes precedence over an installed robot.
+/// If a catalogue robot and a folder have the same name, the catalogue robot is loaded (write `./panda` for
+/// the folder). If a folder and an installed robot have the same name, the folder is loaded.
 ///
 /// # Errors
 ///
@@ -144,7 +145,7 @@ pub fn load(reference: &str, base: &Path) -> Result<Loaded, LoadError> {
     load_with(reference, base, &LoadOptions::default())
 }
 
-/// Like [`load`], with options.
+/// Loads a robot like [`load`], with options such as the treatment of the base and of mimic joints.
 ///
 /// # Errors
 ///

@@ -9,8 +9,8 @@ use crate::{Geometry, ModelWarning, ShapeSource, TriangleMesh};
 
 impl Loaded {
     /// Returns warnings about the robot's mesh files: files that cannot be read, and implausible sizes of
-    /// moving links. `shapes` must be the shapes with which the model was loaded. Missing files are among the
-    /// [warnings](Self::warnings) of loading.
+    /// moving links. `shapes` must be the kind of shapes with which the model was loaded. Missing files are
+    /// not included, because loading already [warns](Self::warnings) about them.
     pub fn mesh_warnings(&self, shapes: ShapeSource) -> Vec<ModelWarning> {
         let model = &self.model;
         let fixed = model.base().shapes.iter().chain(&model.base().world_shapes).map(|shape| (shape, false));

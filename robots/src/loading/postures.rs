@@ -12,8 +12,8 @@ use crate::model::configuration::write_pose;
 /// Maximum size of an SRDF file, bytes.
 const LONGEST: u64 = 16 * 1024 * 1024;
 
-/// A named configuration of an SRDF file. Joints that the state does not name are at zero. Joints that the
-/// model does not have, such as grippers of other variants, are ignored.
+/// A named configuration (`<group_state>`) of an SRDF file. Joints that the state does not name are at zero.
+/// Joints that the model does not have, such as the joints of a gripper variant, are ignored.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Posture {
     /// Name of the state, or `GROUP/NAME` if an earlier state has the same name.
@@ -25,8 +25,8 @@ pub struct Posture {
 }
 
 impl Posture {
-    /// Returns the whole configuration `q` (nq). The pose of a floating base is the state's, or else the one
-    /// in the model's file.
+    /// Returns the whole configuration `q` (nq). A floating base is at the pose in the SRDF state or, if the
+    /// state has none, at its neutral pose.
     pub fn configuration(&self, model: &Model) -> DVector<f64> {
         let mut q = DVector::from_vec(model.neutral());
         let offset = q.len() - self.joints.len();

@@ -1,6 +1,6 @@
 //! Errors in the settings of a robot in a graph file.
 
-/// A robot setting in a graph file does not match the robot.
+/// Error of a robot setting in a graph file that does not match the robot.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("`{key}`: {message}")]
 pub struct SettingError {

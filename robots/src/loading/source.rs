@@ -22,8 +22,8 @@ use crate::{BasePose, FileFormat, LoadError, LoadOptions, Loaded, ModelWarning, 
 pub struct RobotSource<'a> {
     /// Name of the robot in the graph.
     pub name: &'a str,
-    /// Reference as written: a catalogue name, a file or folder, or an installed robot; see
-    /// [`load`](crate::load).
+    /// Reference to the robot as written in the graph: a catalogue name, a file or folder, or an installed
+    /// robot; see [`load`](crate::load).
     pub text: &'a str,
     /// Folder to which paths in `text` are relative: the graph file's folder.
     pub base: &'a Path,
@@ -31,10 +31,11 @@ pub struct RobotSource<'a> {
     pub pose: Option<BasePose>,
     /// Path of the profile that the graph specifies; `None` for the robot's own profile.
     pub profile: Option<&'a Path>,
-    /// Folders searched for packages before the other folders.
+    /// Folders that are searched for packages before the folders in `ROS_PACKAGE_PATH` and
+    /// `AMENT_PREFIX_PATH`.
     pub packages: &'a [PathBuf],
     /// Settings of the graph: the keys `mjcf` (true if the graph specifies the file as MJCF), `joints`,
-    /// `fixed`, `frame`, `start` and `gains`. The last three override the profile.
+    /// `fixed`, `frame`, `start` and `gains`. The keys `frame`, `start` and `gains` override the profile.
     pub settings: Option<&'a serde_json::Value>,
 }
 
@@ -52,7 +53,7 @@ impl Default for RobotSource<'_> {
     }
 }
 
-/// A robot in a graph cannot be loaded.
+/// Error of loading a robot of a graph.
 #[derive(Debug, thiserror::Error)]
 #[error("robot `{name}`: {source}")]
 pub struct RobotSourceError {
@@ -63,7 +64,7 @@ pub struct RobotSourceError {
 }
 
 impl RobotSource<'_> {
-    /// Loads the robot from its files. Its base is at the pose that the graph specifies.
+    /// Loads the robot from its files, with the base at the pose that the graph specifies.
     ///
     /// # Errors
     ///
@@ -72,7 +73,7 @@ impl RobotSource<'_> {
         self.load_with(&LoadOptions::default())
     }
 
-    /// Like [`load`](Self::load), with options.
+    /// Loads the robot like [`load`](Self::load), with options such as the treatment of mimic joints.
     ///
     /// # Errors
     ///

@@ -8,8 +8,8 @@ const ROUNDING: f64 = 1e-3;
 /// Returns the angle in radians that was probably intended if `angle` \[rad\] was written in degrees; `None`
 /// for a plausible angle.
 ///
-/// An angle of more than a full revolution is suspicious, unless it is a multiple of pi/4 and not a whole
-/// number.
+/// An angle above a full revolution is only plausible if it is a multiple of pi/4, such as 2.5 pi, and not a
+/// whole number.
 ///
 /// ```
 /// use motorium_robots::suspected_degrees;

@@ -11,7 +11,7 @@ pub enum Reference {
     Local,
     /// At the world's origin, in world axes.
     World,
-    /// At the frame's origin, in world axes. The natural choice for tasks in metres and radians.
+    /// At the frame's origin, in world axes. Usual choice for targets in the world.
     LocalWorldAligned,
 }
 

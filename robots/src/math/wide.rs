@@ -1,5 +1,5 @@
-//! Code compiled twice: for every processor, and for processors with AVX2 and FMA (registers of four numbers,
-//! fused multiply-add).
+//! Functions that are compiled twice: for every processor, and for processors with AVX2 and FMA (registers of
+//! four numbers, fused multiply-add).
 //!
 //! The version is selected at run time. A fused operation rounds once instead of twice, so the last bits of
 //! results may differ between processors, but never between runs.

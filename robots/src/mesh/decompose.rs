@@ -15,7 +15,7 @@ impl TriangleMesh {
     /// Returns convex meshes that together cover the mesh: at most `most_parts` meshes with at most
     /// `most_corners` corners each. If `most_parts` is 1, the result is the [`hull`](Self::hull). Otherwise
     /// the meshes are the hulls of a V-HACD decomposition (Mamou 2016) on a grid with 64 voxels along the
-    /// longest side. They therefore protrude from the mesh by up to a voxel.
+    /// longest side. These hulls therefore protrude from the mesh by up to a voxel.
     ///
     /// ```
     /// use motorium_robots::TriangleMesh;

@@ -1,4 +1,5 @@
-//! Triangulation of polygons by ear clipping: a fan would cover the notches of a concave polygon.
+//! Triangulation of polygons by ear clipping, which also handles concave polygons. A fan of triangles would
+//! cover their notches.
 
 use nalgebra::{Vector2, Vector3};
 

@@ -66,7 +66,7 @@ pub enum MeshProblem {
         /// Number of corners.
         count: usize,
     },
-    /// Any other violation of the format, with its message.
+    /// A violation of the format that has no separate variant, with its message.
     #[error("{0}")]
     Malformed(String),
 }

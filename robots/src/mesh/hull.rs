@@ -11,9 +11,10 @@ use crate::math::{V3, v3, vector};
 const GOLDEN: f64 = 2.399_963_229_728_653;
 
 impl TriangleMesh {
-    /// Computes the convex hull of the corners that belong to triangles. Its triangles face outward. If the
-    /// hull has more than `most_corners` corners, the result is the hull of the corners that are farthest
-    /// along `most_corners` directions. This smaller hull is inscribed in the full hull.
+    /// Returns the convex hull of the mesh, with triangles that face outward. Corners that belong to no
+    /// triangle are ignored. If the hull has more than `most_corners` corners, the result is the hull of
+    /// those corners that are farthest along `most_corners` directions. This smaller hull is inscribed in the
+    /// full hull.
     ///
     /// Returns `None` for a flat mesh, whose hull has no volume.
     pub fn hull(&self, most_corners: usize) -> Option<Self> {

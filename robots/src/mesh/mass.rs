@@ -76,8 +76,9 @@ impl TriangleMesh {
         mesh.is_without_rim() && volume(&mesh) >= (1.0 - 1e-6) * hull
     }
 
-    /// Returns the mesh with outward-facing triangles: if it encloses a volume and the triangles face inward,
-    /// all are flipped. Coincident corners must be merged first: see [`welded`](Self::welded).
+    /// Returns the mesh with outward-facing triangles: if the mesh encloses a volume and its triangles face
+    /// inward, all triangles are flipped. Coincident corners must be merged first: see
+    /// [`welded`](Self::welded).
     ///
     /// ```
     /// use motorium_robots::TriangleMesh;
@@ -95,9 +96,9 @@ impl TriangleMesh {
         self
     }
 
-    /// Returns the ends \[m\] of an edge between two inconsistently oriented triangles, which traverse it in
-    /// the same direction. `None` if the orientation is consistent. Coincident corners must be merged first:
-    /// see [`welded`](Self::welded).
+    /// Returns the ends \[m\] of an edge that two triangles traverse in the same direction, because their
+    /// orientations are inconsistent. Returns `None` if all orientations are consistent. Coincident corners
+    /// must be merged first: see [`welded`](Self::welded).
     pub fn twisted_edge(&self) -> Option<[Vector3<f64>; 2]> {
         let edges = self.directed_edges();
         let twisted = |(from, to): &(u32, u32), count: i32| count == 2 && !edges.contains_key(&(*to, *from));

@@ -11,9 +11,9 @@ use super::triangle_mesh::TriangleMesh;
 const CREASE: f64 = 0.6427876096865394;
 
 impl TriangleMesh {
-    /// Returns the normal at each corner of each triangle, for smooth shading. It is the area-weighted mean
-    /// over the triangles around the corner whose normals are within 50 degrees of the triangle's. It is zero
-    /// for a triangle without area.
+    /// Returns the normal at each corner of each triangle, for smooth shading. Each normal is the
+    /// area-weighted mean of the normals of those triangles around the corner that are tilted by at most 50
+    /// degrees from this triangle. The normals of a triangle without area are zero.
     ///
     /// ```
     /// use motorium_robots::TriangleMesh;

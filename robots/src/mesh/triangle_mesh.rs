@@ -12,7 +12,8 @@ pub struct TriangleMesh {
 }
 
 impl TriangleMesh {
-    /// Returns the mesh scaled along each axis. Its triangles still face outward after mirroring.
+    /// Returns the mesh scaled along each axis. If negative factors mirror the mesh, its triangles are
+    /// flipped, so that they keep facing outward.
     pub fn scaled(mut self, scale: &Vector3<f64>) -> Self {
         self.points.iter_mut().for_each(|point| point.component_mul_assign(scale));
         if scale.product() < 0.0 {

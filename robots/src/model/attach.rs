@@ -1,4 +1,4 @@
-//! Combination of models: tools, payloads, several robots in one world.
+//! Combination of models: robots with tools or payloads, and several robots in one world.
 
 use std::collections::HashSet;
 
@@ -11,13 +11,13 @@ use super::{Base, Body, Coordinate, Frame, FrameId, Geometry, Inertia, Model, Sh
 pub struct Placed<'a> {
     /// Model of the robot. Its base must be fixed.
     pub model: &'a Model,
-    /// Prefix of the names of its links and joints in the world, such as `left/`.
+    /// Prefix of the names of the robot's links and joints in the world, such as `left/`.
     pub prefix: &'a str,
     /// Pose of the robot's root frame in the world.
     pub placement: Isometry3<f64>,
 }
 
-/// The models cannot be combined.
+/// Error of combining models.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum AttachError {
     /// The tool with this name has a floating base.
@@ -39,9 +39,9 @@ pub enum AttachError {
 }
 
 impl Model {
-    /// Returns the robot with `tool` (a gripper, another arm) fixed to `frame`. `placement` is the pose of
-    /// the tool's root frame in `frame`. The tool's links and joints get the `prefix`, and its joints come
-    /// last in `q` and `v`.
+    /// Returns the robot with `tool` (such as a gripper or an arm) fixed to `frame`. `placement` is the pose
+    /// of the tool's root frame in `frame`. The names of the tool's links and joints get the `prefix`, and
+    /// the tool's joints come last in `q` and `v`.
     ///
     /// # Errors
     ///
@@ -129,7 +129,7 @@ impl Model {
     }
 
     /// Returns the robot with a payload fixed to `frame`. `inertia` and `shapes` are in the axes and about
-    /// the origin of `frame`. A new frame called `name` is added there.
+    /// the origin of `frame`. The result has a new frame called `name`, which coincides with `frame`.
     ///
     /// # Errors
     ///
@@ -171,7 +171,8 @@ impl Model {
     }
 
     /// Returns the robot with its root frame at `pose` in the world. A floating base has this pose in the
-    /// neutral configuration. With a fixed base, all frames fixed to the world move as well.
+    /// neutral configuration. With a fixed base, all frames that are fixed to the world move with the root
+    /// frame.
     ///
     /// ```
     /// use motorium_robots::{Kinematics, load};

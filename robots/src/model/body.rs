@@ -7,7 +7,7 @@ use super::{Inertia, Joint, Shape};
 /// The body moved by one joint: the child link of the joint, merged with all links fixed to it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Body {
-    /// Name of the joint's child link. Its frame is the body frame.
+    /// Name of the joint's child link. The frame of this link is the body frame.
     pub name: String,
     /// Joint that moves the body.
     pub joint: Joint,
@@ -24,8 +24,8 @@ pub struct Body {
 pub struct Base {
     /// `true` for a floating base, which has six entries of `v` and seven of `q`, before the joints.
     pub floating: bool,
-    /// Pose of the base in the world in the neutral configuration: the pose in the file, or else the
-    /// identity.
+    /// Pose of the base in the world in the neutral configuration: the pose in the robot's file or, if the
+    /// file has none, the identity.
     pub neutral: Isometry3<f64>,
     /// Inertia in the frame of the base's first link. Unused for a fixed base.
     pub inertia: Inertia,

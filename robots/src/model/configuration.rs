@@ -1,5 +1,5 @@
 //! The configuration manifold: integration, differences, interpolation, and conversion to the coordinates of
-//! other programs.
+//! Pinocchio and MuJoCo.
 //!
 //! On a floating base `q` starts with the base's position in the world and its orientation as a quaternion x
 //! y z w, and `v` with the velocity of the base's origin and its angular velocity, both in the base's axes.
@@ -24,7 +24,8 @@ impl Model {
     /// Moves `q` (nq) for unit time with the constant velocity `v` (nv) and writes the result to `q_out`
     /// (nq). For a time `dt`, pass `v dt`.
     ///
-    /// The base follows the screw of its velocity, `T exp(v)`. The resulting quaternion is normalised.
+    /// A floating base follows the screw motion of its velocity, `T exp(v)`. The resulting quaternion is
+    /// normalised.
     pub fn integrate(&self, q: &[f64], v: &[f64], q_out: &mut [f64]) {
         assert!(
             q.len() == self.nq() && q_out.len() == self.nq() && v.len() == self.nv(),
@@ -72,9 +73,9 @@ impl Model {
         }
     }
 
-    /// Converts `q` to Pinocchio's layout. The entries of the base are unchanged. The angle of a continuous
-    /// joint becomes its cosine and sine, so a planar joint becomes x, y, cosine and sine. The order of the
-    /// joints is kept.
+    /// Converts `q` to Pinocchio's layout. The angle of a continuous joint is replaced by its cosine and
+    /// sine, so a planar joint has the entries x, y, cosine and sine. The entries of the base and the order
+    /// of the joints are unchanged.
     pub fn to_pinocchio(&self, q: &[f64]) -> Vec<f64> {
         let mut out = q[..self.nq() - self.joint_count()].to_vec();
         for (index, &angle) in self.joints_of_q(q).iter().enumerate() {
@@ -102,11 +103,12 @@ impl Model {
         rest.next().is_none().then_some(out)
     }
 
-    /// Converts a velocity `v` at `q` to Pinocchio's axes. Only planar joints differ: Pinocchio uses the axes
-    /// of the body, this crate the axes of the plane. Efforts `tau` are converted in the same way.
+    /// Converts a velocity `v` at `q` to Pinocchio's axes. Only the entries of planar joints differ:
+    /// Pinocchio uses the axes of the body, whereas this crate uses the axes of the plane. Efforts `tau` are
+    /// converted in the same way.
     ///
-    /// Pinocchio puts every planar joint in the x-y plane and ignores the axis in the file; here the plane is
-    /// normal to the axis.
+    /// Pinocchio puts every planar joint in the x-y plane and ignores the axis in the file. In this crate,
+    /// the plane is normal to the axis in the file.
     pub fn velocity_to_pinocchio(&self, q: &[f64], v: &[f64]) -> Vec<f64> {
         self.turned_planes(q, v, -1.0)
     }
@@ -136,7 +138,7 @@ impl Model {
     }
 
     /// Converts `q` and `v` to MuJoCo's layout: quaternion w x y z, linear velocity of the base in world
-    /// axes, angular velocity in base axes. The order of the joints is kept.
+    /// axes, angular velocity in base axes. The order of the joints is unchanged.
     pub fn to_mujoco(&self, q: &[f64], v: &[f64]) -> (Vec<f64>, Vec<f64>) {
         let (mut qpos, mut qvel) = (q.to_vec(), v.to_vec());
         if self.base().floating {

@@ -1,6 +1,6 @@
 //! Denavit-Hartenberg frames of the model, on the joint axes and their common normals (Denavit and Hartenberg
-//! 1955, in the modified form of Craig 1986). The transform from a body to its parent is a screw about z and
-//! one about x, a third of the arithmetic of a general transform.
+//! 1955, in the modified form of Craig 1986). The transform from a body to its parent consists of a screw
+//! about z and a screw about x. It needs a third of the arithmetic of a general transform.
 //!
 //! A body's frame may rotate about and slide along its joint's axis. This freedom is used for the child with
 //! the largest subtree. All other children, and children of a floating base, whose frame is given, keep a

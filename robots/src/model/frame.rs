@@ -26,7 +26,8 @@ pub struct Frame {
     /// `true` if the frame is fixed to the world next to a floating base, such as a link above a `floating`
     /// joint.
     pub in_world: bool,
-    /// Pose in the frame of the body, of the base or of the world.
+    /// Pose of this frame relative to the frame of its body or, for a frame without a body, of the base or
+    /// the world.
     pub placement: Isometry3<f64>,
     /// Frame index of the parent link, to which this link is connected by a joint of any type; `None` for a
     /// root.
@@ -35,7 +36,7 @@ pub struct Frame {
     pub inertia: Inertia,
 }
 
-/// The robot has no link with this name.
+/// Error of naming a link that the robot does not have.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("robot \"{robot}\" has no link \"{name}\"{}", suggestion(.nearest.as_deref()))]
 pub struct UnknownFrame {

@@ -19,7 +19,7 @@ impl Inertia {
         Self { mass: 0.0, com: Vector3::zeros(), rotational: Matrix3::zeros() }
     }
 
-    /// Returns the inertia in another frame; `pose` is the pose of the current frame in that frame.
+    /// Returns the inertia in a new frame. `pose` is the pose of the current frame in the new frame.
     pub fn moved(&self, pose: &Isometry3<f64>) -> Self {
         let r = pose.rotation.to_rotation_matrix().into_inner();
         Self {
@@ -35,7 +35,8 @@ impl Inertia {
         Self { mass: self.mass * factor, com: self.com, rotational: self.rotational * factor }
     }
 
-    /// Returns the combined inertia of two bodies welded together, both given in the same frame.
+    /// Returns the combined inertia of two bodies that are welded together. Both inertias must be given in
+    /// the same frame.
     pub fn merged(&self, other: &Self) -> Self {
         let mass = self.mass + other.mass;
         if mass == 0.0 {

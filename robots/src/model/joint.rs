@@ -1,5 +1,5 @@
-//! Joints in the form used by the algorithms: fixed joints are removed, and mimic joints refer to their
-//! master.
+//! Joints in the form used by the algorithms: fixed joints are removed, and mimic joints refer to the joint
+//! that they follow.
 
 use nalgebra::{Isometry3, Translation3, Unit, UnitQuaternion, Vector3};
 
@@ -65,8 +65,8 @@ impl Drive {
     /// A direct drive without rotor inertia. Default if the file describes no drive.
     pub const DIRECT: Self = Self { reduction: 1.0, rotor_inertia: 0.0 };
 
-    /// Returns the rotor inertia reflected to the joint \[kg m2 or kg\]. It is part of the diagonal of the
-    /// mass matrix.
+    /// Returns the rotor inertia reflected to the joint \[kg m2 or kg\], which is included in the diagonal of
+    /// the mass matrix.
     pub fn armature(&self) -> f64 {
         self.reduction * self.reduction * self.rotor_inertia
     }
@@ -78,28 +78,28 @@ impl Default for Drive {
     }
 }
 
-/// Limits for a safe controller, inside the joint's limits (URDF's `<safety_controller>`). No function of
-/// this crate applies them.
+/// Soft limits of a joint inside its hard limits (URDF's `<safety_controller>`). Intended for controllers; no
+/// function of this crate applies them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SafetyController {
     /// Lower soft limit of the position \[rad or m\].
     pub soft_lower: f64,
     /// Upper soft limit of the position \[rad or m\].
     pub soft_upper: f64,
-    /// Allowed speed per distance from the soft position limit \[1/s\].
+    /// Speed that is allowed per distance from the soft position limit \[1/s\].
     pub k_position: f64,
-    /// Allowed effort per difference from the allowed speed \[Nms/rad or Ns/m\].
+    /// Effort that is allowed per difference between the speed and the allowed speed \[Nms/rad or Ns/m\].
     pub k_velocity: f64,
 }
 
-/// Source of a joint's position: an independent coordinate, or another joint.
+/// Source of a joint's position: an independent coordinate, or the joint that a mimic joint follows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Coordinate {
     /// Independent coordinate: index in the joints' part of `q`
     /// ([`Model::joints_of_q`](crate::Model::joints_of_q)).
     Independent(usize),
-    /// Follows another joint: position = `multiplier * q[of] + offset`. Chains of mimic joints are resolved
-    /// to an independent joint.
+    /// The joint follows the independent joint `of`: position = `multiplier * q[of] + offset`. Chains of
+    /// mimic joints are resolved to an independent joint.
     Mimic {
         /// Index of the followed joint among the independent joints.
         of: usize,
@@ -111,8 +111,8 @@ pub enum Coordinate {
 }
 
 impl Coordinate {
-    /// Returns the index of the independent joint that determines the position. For a fixed base this is its
-    /// index in `q` and `v`; for a floating base add 7 and 6.
+    /// Returns the index of the independent joint that determines the position. For a fixed base, this is the
+    /// index in `q` and `v`. For a floating base, add 7 for the index in `q` and 6 for the index in `v`.
     pub fn index(&self) -> usize {
         match *self {
             Self::Independent(index) => index,
@@ -151,8 +151,8 @@ pub struct Joint {
     pub kind: JointKind,
     /// Axis of rotation or translation in the joint frame, which is the body frame.
     pub axis: Unit<Vector3<f64>>,
-    /// Pose of the body frame in the parent body's frame at joint position zero. Fixed joints in between are
-    /// included.
+    /// Pose of the body frame in the parent body's frame at joint position zero, including the transforms of
+    /// fixed joints in between.
     pub placement: Isometry3<f64>,
     /// Limits of this joint alone. [`Model::lower`](crate::Model::lower) and the related methods also respect
     /// the limits of joints that follow this joint.

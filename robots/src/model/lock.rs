@@ -5,7 +5,7 @@ use nalgebra::Isometry3;
 use super::{Body, Coordinate, Model, weld};
 use crate::nearest::{nearest, suggestion};
 
-/// The joints cannot be locked.
+/// Error of locking joints.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum LockError {
     /// No independent joint has this name.
@@ -30,8 +30,9 @@ pub enum LockError {
 
 impl Model {
     /// Returns the robot with some joints locked at positions \[rad or m\]. Locked joints are removed from
-    /// `q` and `v`, and joints that mimic them are locked as well. Inertias, shapes and frames of their
-    /// bodies move to the carrying bodies. Positions may exceed limits. The other joints keep their order.
+    /// `q` and `v`, and joints that mimic a locked joint are locked with it. The inertias, shapes and frames
+    /// of the locked bodies are moved to the bodies that carry them. Positions may exceed joint limits. The
+    /// remaining joints keep their order.
     ///
     /// # Errors
     ///

@@ -1,4 +1,4 @@
-//! The robot: bodies, joints, frames. Immutable once built.
+//! The model of a robot: its bodies, joints and frames. A model is immutable once built.
 
 mod attach;
 mod body;
@@ -118,8 +118,8 @@ impl Model {
         &self.base
     }
 
-    /// Returns the joints' part of a configuration: all of it for a fixed base, everything after the base's
-    /// pose for a floating base.
+    /// Returns the joints' part of a configuration: all entries for a fixed base, or the entries after the
+    /// base's pose for a floating base.
     pub fn joints_of_q<'a>(&self, q: &'a [f64]) -> &'a [f64] {
         &q[if self.base.floating { 7 } else { 0 }..]
     }

@@ -46,7 +46,7 @@ impl PerJoint {
     /// Returns a list of one number for each of `joints` joints.
     ///
     /// # Errors
-    /// [`PerJointError`] if the value is a list of another length.
+    /// [`PerJointError`] if the value is a list whose length is not `joints`.
     pub fn resolve(&self, joints: usize) -> Result<Vec<f64>, PerJointError> {
         match self {
             Self::All(value) => Ok(vec![*value; joints]),
@@ -65,8 +65,9 @@ impl PerJoint {
 }
 
 impl Model {
-    /// Returns advice for a position of a revolute joint that is outside its limits in rad but would be
-    /// within them if it were in degrees. `None` for other positions.
+    /// Returns advice for a position of a revolute joint that was probably written in degrees: it is outside
+    /// the joint's limits in rad, but would be within the limits if converted from degrees. Returns `None`
+    /// for all other positions.
     ///
     /// ```
     /// let panda = motorium_robots::load("panda", std::path::Path::new("."))?.model;

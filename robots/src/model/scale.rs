@@ -1,10 +1,10 @@
-//! The same robot at another scale or with other masses.
+//! Variants of a robot: scaled in size, or with scaled masses, friction and limits.
 
 use nalgebra::Isometry3;
 
 use super::{Geometry, Inertia, JointKind, Model, Shape};
 
-/// The scale is not a positive number.
+/// Error of a scale that is not a positive number.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[error("a robot cannot be scaled by {0}, expected a number above 0")]
 pub struct ScaleError(pub f64);
@@ -12,7 +12,7 @@ pub struct ScaleError(pub f64);
 /// Scale factors of the physical properties of a body and its joint. The default changes nothing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BodyFactors {
-    /// Scales mass and rotational inertia: the same shape with another density.
+    /// Scales mass and rotational inertia, as if the density of the body changed.
     pub mass: f64,
     /// Scales the viscous damping of the body's joint.
     pub damping: f64,

@@ -1,4 +1,4 @@
-//! Collision geometry.
+//! Collision shapes of a robot's links.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -19,7 +19,7 @@ pub struct Shape {
 }
 
 impl Shape {
-    /// Returns the shape in another frame; `pose` is the pose of the current frame in that frame.
+    /// Returns the shape in a new frame. `pose` is the pose of the current frame in the new frame.
     pub fn moved(&self, pose: &Isometry3<f64>) -> Self {
         Self { placement: pose * self.placement, ..self.clone() }
     }
@@ -28,7 +28,7 @@ impl Shape {
 /// Geometry of a shape, centred on the origin of its frame. Lengths are in metres.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Geometry {
-    /// Box with these full side lengths.
+    /// Box with the full side lengths `size`.
     Box {
         /// Sides along x, y and z.
         size: Vector3<f64>,

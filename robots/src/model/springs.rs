@@ -3,7 +3,7 @@
 use super::Model;
 use crate::nearest::nearest;
 
-/// A spring setting is not valid.
+/// Error of a spring setting that is not valid.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SpringError {
     /// The robot has no joint with this name.
@@ -29,8 +29,9 @@ pub enum SpringError {
 }
 
 impl Model {
-    /// Returns the robot with springs in the given joints, replacing existing ones. Each spring is the
-    /// joint's name, the stiffness \[Nm/rad or N/m\], and the rest position \[rad or m\].
+    /// Returns the robot with springs in the given joints. These springs replace springs that the joints
+    /// already have. Each entry of `springs` is the joint's name, the stiffness \[Nm/rad or N/m\], and the
+    /// rest position \[rad or m\].
     ///
     /// ```
     /// let arm = motorium_robots::load("planar-3r", std::path::Path::new("."))?.model;

@@ -1,4 +1,4 @@
-//! Checks of a profile itself and against its robot.
+//! Checks that a profile is consistent, and that it matches its robot.
 
 use super::{BaseKind, Profile, ProfileError, Steering};
 use crate::{Model, PerJoint};

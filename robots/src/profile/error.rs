@@ -3,10 +3,10 @@
 use crate::UnknownFrame;
 use crate::nearest::suggestion_or_list;
 
-/// The profile is invalid, or does not match the model.
+/// Error of a profile that is invalid or does not match the model.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ProfileError {
-    /// The text is not TOML, or has unknown keys or types.
+    /// The text is not valid TOML, has an unknown key, or has a value of the wrong type.
     #[error("{0}")]
     Toml(#[from] toml::de::Error),
     /// A list has the wrong length.
@@ -60,7 +60,7 @@ pub enum ProfileError {
     /// The profile names a frame that is not a link of the robot.
     #[error(transparent)]
     UnknownFrame(#[from] UnknownFrame),
-    /// The profile has no gains.
+    /// The profile has no gains, but gains are needed.
     #[error("the profile has no gains")]
     NoGains,
     /// A value is out of range.
@@ -84,7 +84,7 @@ pub enum ProfileError {
         /// Name of the missing key.
         key: &'static str,
     },
-    /// Base poses are given for a fixed base.
+    /// The profile has poses of the base, but the base is fixed.
     #[error(
         "`base_poses` is set, but the base is fixed to the world; write base = \"floating\", or remove `base_poses`"
     )]

@@ -1,4 +1,4 @@
-//! Robot profiles: TOML files next to a URDF with the data it lacks: poses, end effectors, feet and gains.
+//! Robot profiles: TOML files with the data that a URDF lacks, such as poses, end effectors, feet and gains.
 
 mod check;
 mod error;
@@ -25,7 +25,7 @@ pub struct Profile {
     pub title: String,
     /// Sources of the values, such as data sheets.
     pub sources: Vec<String>,
-    /// Base of the robot, unless the load options override it. Default: as in the URDF.
+    /// Kind of the robot's base, unless the load options override it. Default: as in the URDF.
     #[serde(default)]
     pub base: BaseKind,
     /// Names of the independent joints, in the order of every list below.
@@ -163,13 +163,14 @@ impl Profile {
     ///
     /// # Errors
     ///
-    /// [`ProfileError::UnknownPose`], or [`ProfileError::MissingJoint`] if the model has other joints.
+    /// [`ProfileError::UnknownPose`], or [`ProfileError::MissingJoint`] if the model has a joint that the
+    /// profile does not list.
     pub fn pose(&self, model: &Model, name: &str) -> Result<DVector<f64>, ProfileError> {
         self.arrange(model, self.find_pose(name)?)
     }
 
-    /// Returns the configuration `q` (nq) of the pose `name`. A floating base is at its pose in `base_poses`,
-    /// or else at its pose in the neutral configuration.
+    /// Returns the configuration `q` (nq) of the pose `name`. A floating base is at its pose in `base_poses`
+    /// or, if there is none for `name`, at its pose in the neutral configuration.
     ///
     /// # Errors
     ///
@@ -189,7 +190,8 @@ impl Profile {
     ///
     /// # Errors
     ///
-    /// [`ProfileError::NoGains`], or [`ProfileError::MissingJoint`] if the model has other joints.
+    /// [`ProfileError::NoGains`], or [`ProfileError::MissingJoint`] if the model has a joint that the profile
+    /// does not list.
     pub fn gains(&self, model: &Model) -> Result<Gains, ProfileError> {
         let gains = self.gains.as_ref().ok_or(ProfileError::NoGains)?;
         Ok(Gains { kp: self.arrange(model, gains.kp.values())?, kd: self.arrange(model, gains.kd.values())? })
@@ -207,18 +209,18 @@ impl Profile {
     ///
     /// # Errors
     ///
-    /// [`ProfileError::MissingJoint`] if the model has other joints.
+    /// [`ProfileError::MissingJoint`] if the model has a joint that the profile does not list.
     pub fn acceleration_limit(&self, model: &Model) -> Result<DVector<f64>, ProfileError> {
         self.arrange_limits(model, &self.limits.acceleration)
     }
 
     /// Returns the velocity limits \[rad/s or m/s\], in the order of the model's joints; infinite without a
-    /// limit. A robot loaded with its profile uses the smaller of the limits in the profile and in the
-    /// robot's file.
+    /// limit. When a robot is loaded with its profile, the smaller limit applies: the limit in the profile or
+    /// the limit in the robot's file.
     ///
     /// # Errors
     ///
-    /// [`ProfileError::MissingJoint`] if the model has other joints.
+    /// [`ProfileError::MissingJoint`] if the model has a joint that the profile does not list.
     pub fn velocity_limit(&self, model: &Model) -> Result<DVector<f64>, ProfileError> {
         self.arrange_limits(model, &self.limits.velocity)
     }
@@ -228,7 +230,7 @@ impl Profile {
     ///
     /// # Errors
     ///
-    /// [`ProfileError::MissingJoint`] if the model has other joints.
+    /// [`ProfileError::MissingJoint`] if the model has a joint that the profile does not list.
     pub fn effort_rate_limit(&self, model: &Model) -> Result<DVector<f64>, ProfileError> {
         self.arrange_limits(model, &self.limits.effort_rate)
     }

@@ -56,18 +56,20 @@ pub struct EndEffector {
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Foot {
-    /// Name of the link whose frame touches the ground. The contact is at its origin, unless `radius` is set.
+    /// Name of the link that touches the ground. The contact point is at the origin of the link's frame,
+    /// unless `radius` is set.
     pub frame: String,
     /// Names of the joints that move the foot.
     #[serde(default)]
     pub joints: Vec<String>,
-    /// Radius of a ball or wheel about the frame's origin \[m\]. The contact point is this distance below the
-    /// origin.
+    /// Radius of a ball or wheel about the frame's origin \[m\]. The contact point is below the origin by
+    /// this distance.
     pub radius: Option<f64>,
-    /// Side lengths of a flat sole along the frame's x and y, centred on the frame's origin \[m\].
+    /// Side lengths of a flat sole along the x and y axes of the frame \[m\]. The sole is centred on the
+    /// frame's origin.
     pub sole: Option<[f64; 2]>,
     /// Coefficient of friction of the foot's surface, for simulators; 0 for a ball that rolls in a socket.
-    /// Default: the robot's friction.
+    /// Default: the coefficient that the simulator uses for the robot.
     pub friction: Option<f64>,
 }
 

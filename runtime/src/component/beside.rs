@@ -43,12 +43,12 @@ impl Setup {
         self.helpers.start(name, cores, run)
     }
 
-    /// Sets the file descriptor, such as a socket or a bus, that releases the steps of this component. Only
-    /// used if the graph sets `activate = { on = "fd", ... }`. The component must declare
-    /// [`wakes_on_descriptor`](crate::declare::Declare::wakes_on_descriptor).
+    /// Sets the file descriptor, such as a socket or a CAN bus, that releases the steps of this component.
+    /// The descriptor is only used if the graph sets `activate = { on = "fd", ... }`. The component must
+    /// declare [`wakes_on_descriptor`](crate::declare::Declare::wakes_on_descriptor).
     ///
-    /// A step is released while the descriptor is readable. It should read all available data without
-    /// waiting, because unread data release another step.
+    /// A step is released while the descriptor is readable. Each step should read all available data without
+    /// waiting, because unread data release a further step.
     ///
     /// ```
     /// use motorium::prelude::*;

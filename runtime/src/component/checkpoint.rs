@@ -10,7 +10,7 @@ impl Setup {
     /// Opens a checkpoint: memory for `numbers` values of type `f64` that survives a crash of this component.
     ///
     /// # Errors
-    /// `numbers` exceeds the capacity of a checkpoint.
+    /// `numbers` exceeds the capacity of a checkpoint (512).
     pub fn checkpoint(&self, numbers: usize) -> Result<Checkpoint, ConfigureError> {
         if numbers * 8 > CHECKPOINT_BYTES {
             return Err(ConfigureError::failed(format!(
@@ -22,8 +22,8 @@ impl Setup {
     }
 }
 
-/// Numbers that survive a crash of their component. A step saves them, and the restarted component loads
-/// them.
+/// Numbers that survive a crash of their component. A step saves the numbers, and the restarted component
+/// loads them.
 ///
 /// ```
 /// use motorium::prelude::*;
@@ -57,8 +57,8 @@ impl Checkpoint {
         self.context.block().checkpoint.save(self.words.iter().copied());
     }
 
-    /// Returns the numbers that were saved before the component restarted. Returns `None` at the first start
-    /// and if a number is not finite.
+    /// Returns the numbers that were saved before the component restarted. Returns `None` at the first start,
+    /// and if a saved number is not finite.
     pub fn resume(&mut self) -> Option<Vec<f64>> {
         if self.context.restart_count() == 0 || !self.context.block().checkpoint.load(&mut self.words) {
             return None;

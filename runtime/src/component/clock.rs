@@ -7,8 +7,8 @@ use crate::context::Context;
 use crate::declare::ClockKind;
 use crate::region::Command;
 
-/// The clock of a run. Reads the current time on the clock of [`Tick::time_ns`] and converts it to the clock
-/// of stamps.
+/// The clock of a run. Reads the current time on the clock of [`Tick::time_ns`], and converts times from this
+/// clock to the clock of [`Stamp`](crate::state::Stamp)s.
 ///
 /// An anytime algorithm reads the clock between iterations. In lockstep, time does not advance within a step.
 /// The number of iterations therefore needs a separate bound, which also makes the result reproducible:
@@ -52,11 +52,11 @@ impl RunClock {
         clock.now_ns().saturating_sub(clock.start_ns())
     }
 
-    /// Returns the time for which a step computes, on the grid of the rate, ns on the clock of
-    /// [`Tick::time_ns`]. For a component triggered by a publication this is `state_ns`: the time of the
-    /// state that the component read, as returned by
-    /// [`Reading::time_ns`](crate::transport::Reading::time_ns). For other components it is the time of the
-    /// tick. Differences between steps do not depend on how late the steps run.
+    /// Returns the nominal time for which a step computes, ns on the clock of [`Tick::time_ns`]. This time
+    /// does not depend on how late the step runs. For a component triggered by a publication, it is
+    /// `state_ns`: the time of the state that the component read, as returned by
+    /// [`Reading::time_ns`](crate::transport::Reading::time_ns). For all other components, it is the time of
+    /// the tick.
     #[inline]
     pub fn grid_ns(&self, tick: &Tick, state_ns: u64) -> u64 {
         if self.context.causality().is_triggered() { state_ns } else { tick.time_ns }
@@ -82,9 +82,9 @@ impl RunClock {
         self.context.region().header().latched().is_some()
     }
 
-    /// Returns `true` if the run has ended and actuators enter their safe state. Unlike [`Tick::settling`],
-    /// which has the value at the start of the step, this changes within a step that waits for other
-    /// components.
+    /// Returns `true` if the run has ended and actuators enter their safe state. The result can change during
+    /// a step that waits for other components, whereas [`Tick::settling`] keeps its value from the start of
+    /// the step.
     #[inline]
     pub fn is_settling(&self) -> bool {
         self.context.region().header().command() != Command::Run

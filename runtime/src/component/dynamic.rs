@@ -8,9 +8,10 @@ use crate::declare::{ConfigError, Declare, StepError};
 /// A component as a trait object, for programs that run scripts and for bindings to other languages, which
 /// have no Rust type for each component.
 ///
-/// It has the methods of [`Component`](super::Component), with JSON as configuration. Ports are usually
-/// from [`raw`](crate::raw). [`Declare::resets`] declares that the component can be reset. `program::main_of`
-/// is the `main` function of its program, which a graph names by `exec`.
+/// The trait has the methods of [`Component`](super::Component), but passes the configuration as JSON.
+/// Components usually open the ports of [`raw`](crate::raw), whose types are also only known at run time.
+/// [`Declare::resets`] declares that the component can be reset. The `main` function of its program calls
+/// `program::main_of`, and a graph names the program by `exec`.
 ///
 /// ```no_run
 /// use motorium::component::{ConfigureError, DynamicComponent, Setup, Tick};

@@ -12,7 +12,7 @@ pub enum ConfigureError {
     /// A port could not be opened.
     #[error(transparent)]
     Port(#[from] PortError),
-    /// Any other failure, with the component's message.
+    /// A failure that has no separate variant, with the component's message.
     #[error("{0}")]
     Failed(String),
 }

@@ -1,7 +1,7 @@
 //! The component trait and its configuration. Start here.
 //!
 //! A component declares its ports and parameters, is configured once, and is then stepped. The same type runs
-//! unchanged as a separate process or hosted with others in one process, in real time or in lockstep.
+//! unchanged in a separate process or in a process with several components, in real time or in lockstep.
 //!
 //! * [`Component`] is the trait to implement;
 //! * [`Declare`] collects its ports and parameters, so that a graph can be checked without running;
@@ -45,29 +45,31 @@ use std::time::Duration;
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Tick {
-    /// Index of the step since the start of the run or the last reset, from 0. Restarts of the component and
-    /// new episodes in real time do not reset it.
+    /// Index of the step, counted from 0 since the start of the run or the last reset. Restarts of the
+    /// component and new episodes in real time do not reset the index.
     pub index: u64,
     /// Time for which the step computes, ns since the start of the run or, in lockstep, since the last reset.
     /// For a time-triggered component this is its scheduled release, for a triggered component the publish
     /// time of the sample that woke it, and for a sporadic component the arrival of the event that released
     /// it.
     pub time_ns: u64,
-    /// Deadline of the step, ns on the clock of `time_ns`. It is one period after `time_ns`, when the next
-    /// step of a time-triggered component is due. The value is the same in lockstep, where no step is ever
-    /// late because time does not advance within a step. [`RunClock::left_ns`] returns the remaining time.
+    /// Deadline of the step, ns on the clock of `time_ns`. The deadline is one period after `time_ns`, when
+    /// the next step of a time-triggered component is due. Lockstep uses the same value, but no step is ever
+    /// late there because time does not advance within a step. [`RunClock::left_ns`] returns the remaining
+    /// time.
     pub deadline_ns: u64,
-    /// Nominal time between two steps, derived from the rate. For a triggered component it is the period of
-    /// the component at the head of its chain; for a component released by events it is the `min_interval`.
+    /// Nominal time between two steps, derived from the rate. For a component triggered by a topic, it is the
+    /// period of the component that starts the chain of triggers; for a component released by events, it is
+    /// `min_interval`.
     pub period: Duration,
-    /// Index of the episode, from 0; always 0 in a run without episodes.
+    /// Index of the episode, counted from 0; always 0 in a run without episodes.
     pub episode: u64,
     /// True in the first step of an episode: after [`configure`](Component::configure) at the start of the
     /// run, after [`reset`](Component::reset) in lockstep, and after
     /// [`begin_episode`](Component::begin_episode) in real time.
     pub begins_episode: bool,
-    /// True for an actuator once the run has ended or is stopping. The actuator then brings its robot to
-    /// rest, its statistics are complete, and no other component steps.
+    /// True for an actuator once the run is stopping or has ended. The actuator then brings its robot to
+    /// rest, and its steps are not counted in its statistics. Components that are not actuators do not step.
     pub settling: bool,
 }
 
@@ -82,7 +84,7 @@ pub struct Tick {
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Episode {
-    /// Index of the episode in the run, from 0. Episode 0 begins with the run, without a call of `reset` or
+    /// Index of the episode in the run, counted from 0. Episode 0 begins with the run, without a call of `reset` or
     /// `begin_episode`.
     pub index: u64,
     /// The component's seed in this episode, derived from the episode's seed and the component's name. In the
@@ -91,8 +93,8 @@ pub struct Episode {
 }
 
 impl Tick {
-    /// Creates the tick of step `index` of a time-triggered component in the first episode. For tests of
-    /// components.
+    /// Creates the tick of step `index` of a time-triggered component in the first episode. Intended for
+    /// tests of components.
     pub fn periodic(index: u64, period: Duration) -> Self {
         let period_ns = u64::try_from(period.as_nanos()).unwrap_or(u64::MAX);
         let time_ns = index.saturating_mul(period_ns);
@@ -136,7 +138,8 @@ impl Tick {
         }
     }
 
-    /// Maximum number of periods to catch up.
+    /// Maximum number of periods that [`periods_since`](Self::periods_since) returns. A longer gap counts as
+    /// one period.
     pub const CATCH_UP: u32 = 5;
 
     /// Returns the time for which the step computes ([`time_ns`](Self::time_ns)), s since the start of the
@@ -274,9 +277,9 @@ pub trait Component: Sized + 'static {
         Err(StepError::failed("it cannot be reset"))
     }
 
-    /// Begins an episode in real time, in which the robot, time and the ports continue unchanged. Called at
-    /// the start of the first step of the episode. The call is part of that step, so the rules of
-    /// [`step`](Self::step) apply. Must not publish.
+    /// Begins an episode in real time. The robot, the clock and the ports continue unchanged. Called at the
+    /// start of the first step of the episode and as part of this step, so the rules of [`step`](Self::step)
+    /// apply. Must not publish.
     ///
     /// A component restarts its task here: it starts the next movement, reseeds its random numbers and clears
     /// its history.

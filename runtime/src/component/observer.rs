@@ -11,12 +11,12 @@ use crate::transport::{Domain, PortError, Tap};
 use std::sync::atomic::Ordering::Relaxed;
 
 impl Setup {
-    /// Returns a view of the whole graph. For components that declared
+    /// Returns a view of the whole graph. Intended for components that declared
     /// [`taps`](crate::declare::Declare::taps), such as recorders and viewers. The view may be moved to a
     /// helper thread.
     ///
     /// # Errors
-    /// The control block of the run cannot be mapped again.
+    /// The control block of the run cannot be mapped a second time.
     pub fn observer(&self) -> Result<Observer, ConfigureError> {
         let region = self.run().region().map_err(ConfigureError::failed)?;
         Ok(Observer { plan: Arc::new(self.plan().clone()), domain: self.domain().clone(), region })
@@ -52,8 +52,9 @@ impl Observer {
         &self.plan
     }
 
-    /// Opens a tap on the topic with index `topic` in the plan. On a topic of slices, each value consists of
-    /// the bytes of a whole slice. The tap must stay on the thread that opened it.
+    /// Opens a tap, which reads every published value, on the topic with index `topic` in the plan. On a
+    /// topic of slices, each value consists of the bytes of a whole slice. The tap must stay on the thread
+    /// that opened it.
     ///
     /// # Errors
     /// The topic cannot be opened, or already has four observers.
@@ -76,16 +77,16 @@ impl Observer {
         }
     }
 
-    /// Returns `true` if the launcher died during the run. The run then counts as failed, even if its guard
-    /// has not reported the failure yet.
+    /// Returns `true` if the launcher died during the run. Such a run counts as failed, even if its guard has
+    /// not reported the failure yet.
     pub fn is_orphaned(&self) -> bool {
         let header = self.region.header();
         let launcher = || Watch::new(header.launcher.load(Relaxed));
         header.command() == Command::Run && !launcher().is_ok_and(|launcher| !launcher.has_ended())
     }
 
-    /// Returns the current time on the clock of the run's events, ns. In real time, stamps use the same
-    /// clock.
+    /// Returns the current time, ns, on the clock with which the run's events are timed. In real time, the
+    /// stamps of samples use the same clock.
     pub fn now_ns(&self) -> u64 {
         monotonic_ns()
     }

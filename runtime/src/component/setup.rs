@@ -21,8 +21,8 @@ use crate::transport::{
 
 /// The set-up of one component: opens the ports and parameters that the component declared.
 ///
-/// Each port is opened once, during configuration. An unwired port can be opened, too: an unwired input stays
-/// empty, and samples of an unwired output are discarded.
+/// Each port is opened once, during configuration, even if the graph leaves it unwired. An unwired input
+/// stays empty, and samples of an unwired output are discarded.
 ///
 /// ```
 /// use motorium::prelude::*;
@@ -129,8 +129,8 @@ impl Setup {
     /// Returns the robot that the graph assigns to this component.
     ///
     /// # Errors
-    /// The graph assigns no robot to the component. Check this in `declare`, too, to let `motorium check`
-    /// report it.
+    /// The graph assigns no robot to the component. If a component needs a robot, it should check this in
+    /// `declare`, so that `motorium check` reports the error.
     pub fn robot(&self) -> Result<&RobotReference, ConfigureError> {
         self.component()
             .robot
@@ -138,8 +138,8 @@ impl Setup {
             .ok_or_else(|| ConfigureError::failed("the component has no robot; add `robot = \"NAME\"` to it"))
     }
 
-    /// Returns the robots that the graph assigns to this component by `robots`; empty if the component has a
-    /// single `robot` or no robot.
+    /// Returns the robots listed under the component's key `robots` in the graph. Empty if the component has
+    /// a single `robot` or no robot.
     pub fn robots(&self) -> &[RobotReference] {
         &self.component().robots
     }
@@ -154,7 +154,7 @@ impl Setup {
         RunClock::new(self.context().clone())
     }
 
-    /// Returns the folder that relative paths in the `config` table refer to, like
+    /// Returns the folder that relative paths in the `config` table refer to. Same as
     /// [`Declare::folder`](crate::declare::Declare::folder).
     pub fn folder(&self) -> &Path {
         &self.component().folder
@@ -168,7 +168,7 @@ impl Setup {
     /// Opens a declared input.
     ///
     /// # Errors
-    /// The port is not declared or has another type, or its topic cannot be joined.
+    /// The port is not declared with this type, or its topic cannot be joined.
     pub fn input<T: StateBuffer>(&mut self, port: &str) -> Result<Input<T>, PortError> {
         let (index, plan) = find(&self.component().inputs, port)?;
         same_type(&T::layout(), plan)?;
@@ -180,7 +180,8 @@ impl Setup {
         Ok(input)
     }
 
-    /// Returns `true` if the graph wires this input, like [`Declare::subscribes`](crate::declare::Declare).
+    /// Returns `true` if the graph wires this input. Same as
+    /// [`Declare::subscribes`](crate::declare::Declare).
     pub fn subscribes(&self, port: &str) -> bool {
         self.component().inputs.iter().any(|input| input.port == port && input.topic.is_some())
     }
@@ -190,10 +191,10 @@ impl Setup {
         self.component().inputs.iter().any(|input| input.port == port)
     }
 
-    /// Opens a declared input of slices.
+    /// Opens a declared input that reads slices (arrays of varying length, such as images).
     ///
     /// # Errors
-    /// The port is not declared or has another type, or its topic cannot be joined.
+    /// The port is not declared with this type, or its topic cannot be joined.
     pub fn slice_input<T: StateBuffer>(&mut self, port: &str) -> Result<SliceInput<T>, PortError> {
         let (index, plan) = find(&self.component().inputs, port)?;
         same_type(&T::layout(), plan)?;
@@ -205,10 +206,10 @@ impl Setup {
         Ok(input)
     }
 
-    /// Opens a declared output of slices.
+    /// Opens a declared output that publishes slices (arrays of varying length, such as images).
     ///
     /// # Errors
-    /// The port is not declared or has another type, or its topic cannot be joined.
+    /// The port is not declared with this type, or its topic cannot be joined.
     pub fn slice_output<T: StateBuffer>(&mut self, port: &'static str) -> Result<SliceOutput<T>, PortError> {
         let (index, plan) = find(&self.component().outputs, port)?;
         same_type(&T::layout(), plan)?;
@@ -252,7 +253,7 @@ impl Setup {
     /// Opens a declared input that reads a stream of values or slices of any type as bytes.
     ///
     /// # Errors
-    /// The port is not declared or is a state, or its topic cannot be joined.
+    /// The port is not declared as a stream or slices, or its topic cannot be joined.
     pub fn raw_stream_input(&mut self, port: &str) -> Result<RawStreamInput, PortError> {
         let (index, plan) = find(&self.component().inputs, port)?;
         let Some(place) = self.input_place(index, plan) else {
@@ -266,7 +267,8 @@ impl Setup {
     /// Opens a declared output that publishes a stream of values or slices as bytes in the declared layout.
     ///
     /// # Errors
-    /// The port is not declared or is a state, its layout cannot be checked, or its topic cannot be joined.
+    /// The port is not declared as a stream or slices, its layout cannot be checked, or its topic cannot be
+    /// joined.
     pub fn raw_stream_output(&mut self, port: &str) -> Result<RawStreamOutput, PortError> {
         let (index, plan) = find(&self.component().outputs, port)?;
         let Some(topic) = plan.topic else { return RawStreamOutput::unwired(plan, self.context().clone()) };
@@ -309,7 +311,7 @@ impl Setup {
     /// Opens a declared output.
     ///
     /// # Errors
-    /// The port is not declared or has another type, or its topic cannot be joined.
+    /// The port is not declared with this type, or its topic cannot be joined.
     pub fn output<T: StateBuffer>(&mut self, port: &'static str) -> Result<Output<T>, PortError> {
         let (index, plan) = find(&self.component().outputs, port)?;
         same_type(&T::layout(), plan)?;
@@ -319,7 +321,8 @@ impl Setup {
         Ok(output)
     }
 
-    /// Opens a declared output whose name is composed at run time, for example from the name of a robot.
+    /// Opens a declared output, like [`output`](Self::output), but with a name that is composed at run time,
+    /// for example from the name of a robot.
     ///
     /// # Errors
     /// Same as [`output`](Self::output).
@@ -332,7 +335,7 @@ impl Setup {
     /// Opens a declared parameter.
     ///
     /// # Errors
-    /// The parameter is not declared or has another type.
+    /// The parameter is not declared with this type.
     pub fn parameter<T: AnyParameter>(&self, name: &str) -> Result<Parameter<T>, ConfigureError> {
         let (_, numbers, place) = self.find_parameter(name, T::KIND)?;
         Ok(Parameter::new(numbers.clone(), place))
@@ -341,7 +344,7 @@ impl Setup {
     /// Opens a declared array parameter.
     ///
     /// # Errors
-    /// The parameter is not declared or has another type.
+    /// The parameter is not declared with this type.
     pub fn parameter_array(&self, name: &str) -> Result<ParameterArray, ConfigureError> {
         let (declaration, numbers, place) = self.find_parameter(name, ParameterKind::Array)?;
         Ok(ParameterArray::new(numbers.clone(), place, declaration.numbers()))
@@ -376,8 +379,8 @@ impl Setup {
     }
 }
 
-/// A handle with which one component begins the episodes of its graph in real time, for example for a pedal,
-/// a teleoperator's button, or a task that counts its attempts.
+/// A handle with which one component begins the episodes of its graph in real time, for example when an
+/// operator presses a pedal or a button, or when a task starts its next attempt.
 ///
 /// ```
 /// use motorium::component::EpisodeDriver;
@@ -396,14 +399,15 @@ impl EpisodeDriver {
     /// Begins the next episode with this seed. Every component, including this one, enters the episode at its
     /// next step.
     ///
-    /// Returns `false` and has no effect if the launcher has not recorded the current episode yet, which can
-    /// last 20 ms from the start of the episode.
+    /// Returns `false` and has no effect if the launcher has not recorded the current episode yet. The
+    /// launcher records an episode within 20 ms of its start.
     pub fn begin(&self, seed: u64) -> bool {
         self.context.region().header().begin_next_episode(seed, crate::os::monotonic_ns())
     }
 }
 
-/// A handle with which one component ends the episodes of its graph, because a task succeeded or failed.
+/// A handle with which one component ends the episodes of its graph, for example when a task has succeeded or
+/// failed.
 ///
 /// ```
 /// use motorium::prelude::*;
@@ -421,7 +425,8 @@ pub struct EpisodeEnd {
 }
 
 impl EpisodeEnd {
-    /// Ends the current episode: in lockstep after the round of this step, in real time within 20 ms.
+    /// Ends the current episode: in lockstep once all components due at this time have stepped, in real time
+    /// within 20 ms.
     pub fn end(&self) {
         self.context.region().header().end_episode(self.context.episode());
     }

@@ -16,18 +16,18 @@ pub enum TakeWeights {
     #[default]
     Step,
     /// Before the first step of an episode, in real time and in lockstep. Weights that arrive during an
-    /// episode wait for the next one and have no effect in a run without episodes. Weights persist through
-    /// resets.
+    /// episode wait for the next episode. In a run without episodes, they have no effect. Weights persist
+    /// through resets.
     Episode,
 }
 
-/// An input of model weights. Validates received blocks of [`Weights`], assembles them, and passes complete
-/// versions to the component.
+/// An input that receives the weights of a model, for example a neural network. It validates received blocks
+/// of [`Weights`], assembles them, and passes complete versions to the component.
 ///
 /// The weights of a model arrive in blocks; all blocks except the last are full ([`MAX_WEIGHTS`] numbers). A
 /// block is rejected and counted if its position or length is wrong, a number is not finite, or its version
-/// is not newer. Blocks of an incomplete, superseded version are dropped. A topic keeps only its newest
-/// value, so a writer of several blocks sends one per step, cyclically.
+/// is older than the newest received version. Blocks of an incomplete, superseded version are dropped. A
+/// topic keeps only its newest value, so a writer of several blocks publishes one block per step, in turn.
 ///
 /// ```
 /// use motorium::component::{TakeWeights, WeightsInput};
@@ -68,7 +68,7 @@ pub struct WeightsInput {
 }
 
 impl Declare {
-    /// Declares an input of [`Weights`]. The component opens it with [`Setup::weights`].
+    /// Declares an input of [`Weights`], which the component opens with [`Setup::weights`].
     pub fn weights(&mut self, name: &str, doc: &str) {
         self.input::<Weights>(name, doc);
     }
@@ -95,8 +95,8 @@ impl Setup {
 }
 
 impl WeightsInput {
-    /// Returns the model's complete weights if new ones must be applied before this step, or `None` to keep
-    /// the current ones. Call it once per step, before using the weights.
+    /// Returns all weights of the model if new weights must be applied before this step, or `None` to keep
+    /// the current weights. Call this function once per step, before using the weights.
     pub fn take(&mut self, tick: &Tick) -> Option<&[f64]> {
         if let Some(block) = self.input.next_unread() {
             self.store.offer(&block);
@@ -104,9 +104,9 @@ impl WeightsInput {
         self.store.take(tick.begins_episode)
     }
 
-    /// Begins an episode of simulated time. Call this function in `reset`, and restore the weights of the
-    /// configuration there. [`Component::begin_episode`](super::Component::begin_episode) need not call this
-    /// function, because an episode of real time resets nothing.
+    /// Begins an episode of simulated time. Call this function in the component's `reset`, and restore the
+    /// weights of the configuration there. [`Component::begin_episode`](super::Component::begin_episode) need
+    /// not call this function, because an episode of real time resets nothing.
     pub fn begin_episode(&mut self) {
         self.store.begin_episode();
     }

@@ -34,14 +34,14 @@ pub struct Declaration {
     /// True if a file descriptor can release the component's steps.
     #[serde(default)]
     pub wakes_on_descriptor: bool,
-    /// Maximum time for which a step waits for an answer from outside, without using the core, ns; 0 if steps
-    /// never wait.
+    /// Maximum time for which a step sleeps while it waits for an answer from outside the graph, ns; 0 if
+    /// steps never wait.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub waits_ns: u64,
     /// Reason why the component cannot keep deadlines; `None` if it can.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub not_real_time: Option<String>,
-    /// Topics that the component reads by taps, or `None`.
+    /// Topics of which the component reads every value through taps, or `None`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub taps: Option<Taps>,
     /// Warnings about a valid but probably unintended configuration.
@@ -104,8 +104,9 @@ impl Declare {
         Self { placement, ..self }
     }
 
-    /// Returns the nominal time between two steps, like `Setup::period`. Returns `None` outside a graph, or
-    /// if the rates and triggers of the graph file are invalid; such errors are reported separately.
+    /// Returns the nominal time between two steps, like `Setup::period`. Returns `None` outside a graph, and
+    /// if the rates or triggers in the graph file are invalid. Invalid rates and triggers are reported
+    /// separately.
     pub fn period(&self) -> Option<Duration> {
         self.placement.period
     }
@@ -122,7 +123,8 @@ impl Declare {
     }
 
     /// Returns `true` if the component's `subscribe` table in the graph contains this port, like
-    /// `Setup::subscribes`. For components whose role depends on the wiring. Always `false` outside a graph.
+    /// `Setup::subscribes`. Intended for components whose role depends on the wiring. Always `false` outside
+    /// a graph.
     ///
     /// ```
     /// use motorium::declare::{Declare, Placement};
@@ -169,14 +171,14 @@ impl Declare {
         self.declaration
     }
 
-    /// Returns the robot that the graph file assigns to this component by `robot`, or `None`.
+    /// Returns the robot named by the component's key `robot` in the graph file, or `None`.
     pub fn robot(&self) -> Option<&RobotReference> {
         self.robot.as_ref()
     }
 
-    /// Returns the robots that the graph file assigns to this component by `robots`; empty if the component
-    /// has a single `robot` or no robot. A component that never calls this supports at most one robot: the
-    /// graph is rejected if it sets `robots`.
+    /// Returns the robots listed under the component's key `robots` in the graph file. Empty if the component
+    /// has a single `robot` or no robot. A component that never calls this function supports at most one
+    /// robot, so a graph that sets `robots` for the component is rejected.
     pub fn robots(&self) -> &[RobotReference] {
         self.takes_several.set(true);
         &self.robots
@@ -187,12 +189,12 @@ impl Declare {
         self.robots.is_empty() || self.takes_several.get()
     }
 
-    /// Declares an input that reads the newest value of a topic. The graph must wire it.
+    /// Declares an input that reads the newest value of a topic. The graph must wire the input to a topic.
     pub fn input<T: StateBuffer>(&mut self, name: &str, doc: &str) {
         self.port::<T>(name, Direction::Input, TopicPattern::State, true, doc);
     }
 
-    /// Declares an input that reads the newest value of a topic. The graph may leave it unwired.
+    /// Declares an input that reads the newest value of a topic. The graph may leave the input unwired.
     pub fn optional_input<T: StateBuffer>(&mut self, name: &str, doc: &str) {
         self.port::<T>(name, Direction::Input, TopicPattern::State, false, doc);
     }
@@ -219,14 +221,15 @@ impl Declare {
         self.port::<T>(name, Direction::Input, TopicPattern::Slices { capacity, longest: 0 }, true, doc);
     }
 
-    /// Declares an output of slices, such as images or frames, with at most `longest` elements each. Each
+    /// Declares an output of slices, such as images or frames, of at most `longest` elements per slice. Each
     /// reader has a queue of `capacity` slices.
     pub fn slice_output<T: StateBuffer>(&mut self, name: &str, longest: usize, capacity: usize, doc: &str) {
         self.port::<T>(name, Direction::Output, TopicPattern::Slices { capacity, longest }, false, doc);
     }
 
     /// Declares an input that reads the newest value of a topic of any type, as bytes. The graph must wire
-    /// it, and the topic's writer declares the layout. For bridges and recorders.
+    /// the input, and the topic's writer declares the layout of the bytes. Intended for bridges and
+    /// recorders.
     pub fn raw_input(&mut self, name: &str, doc: &str) {
         self.any_input(name, true, doc);
     }
@@ -237,13 +240,13 @@ impl Declare {
     }
 
     /// Declares an input that reads every value of a stream of any type, as bytes, through a queue of
-    /// `capacity` values. The graph must wire it.
+    /// `capacity` values. The graph must wire the input to a topic.
     pub fn raw_stream_input(&mut self, name: &str, capacity: usize, doc: &str) {
         self.any_port(name, TopicPattern::Stream { capacity }, true, doc);
     }
 
     /// Declares an input that reads every slice of a stream of any type, as bytes and the number of elements,
-    /// through a queue of `capacity` slices. The graph must wire it.
+    /// through a queue of `capacity` slices. The graph must wire the input to a topic.
     pub fn raw_slice_input(&mut self, name: &str, capacity: usize, doc: &str) {
         self.any_port(name, TopicPattern::Slices { capacity, longest: 0 }, true, doc);
     }
@@ -263,19 +266,19 @@ impl Declare {
         });
     }
 
-    /// Declares an output for the newest value of a topic, with a type that is only known at run time.
+    /// Declares an output for the newest value of a topic whose type is only known at run time.
     pub fn raw_output(&mut self, name: &str, layout: TypeLayout, doc: &str) {
         self.raw_port(name, layout, TopicPattern::State, doc);
     }
 
-    /// Declares an output of a stream, with a type that is only known at run time. Each reader has a queue of
+    /// Declares an output of a stream whose type is only known at run time. Each reader has a queue of
     /// `capacity` values.
     pub fn raw_stream_output(&mut self, name: &str, layout: TypeLayout, capacity: usize, doc: &str) {
         self.raw_port(name, layout, TopicPattern::Stream { capacity }, doc);
     }
 
-    /// Declares an output of slices with at most `longest` elements each, of a type that is only known at run
-    /// time. Each reader has a queue of `capacity` slices.
+    /// Declares an output of slices whose element type is only known at run time. A slice has at most
+    /// `longest` elements. Each reader has a queue of `capacity` slices.
     pub fn raw_slice_output(
         &mut self,
         name: &str,
@@ -298,26 +301,26 @@ impl Declare {
         });
     }
 
-    /// Declares that this component applies commands to a robot. It must enter its safe state without outside
-    /// help when the commands become stale.
+    /// Declares that this component applies commands to a robot. Such a component must enter its safe state
+    /// without outside help when the commands become stale.
     pub fn actuator(&mut self) {
         self.declaration.actuator = true;
     }
 
-    /// Declares that this component can end an episode (`Setup::episode_end`). It may do so if the graph sets
-    /// `ends_episode = true`.
+    /// Declares that this component can end an episode (`Setup::episode_end`). The component is only
+    /// permitted to end episodes if the graph sets `ends_episode = true`.
     pub fn may_end_episodes(&mut self) {
         self.declaration.may_end_episodes = true;
     }
 
-    /// Declares that this component can begin episodes in real time (`Setup::episode_driver`). It may do so
-    /// if the graph sets `begins_episodes = true`.
+    /// Declares that this component can begin episodes in real time (`Setup::episode_driver`). The component
+    /// is only permitted to begin episodes if the graph sets `begins_episodes = true`.
     pub fn may_begin_episodes(&mut self) {
         self.declaration.may_begin_episodes = true;
     }
 
-    /// Declares that this component can be reset for a new episode. For components whose type is only known
-    /// at run time; others set `Component::RESETS`.
+    /// Declares that this component can be reset for a new episode. Only needed by components whose type is
+    /// only known at run time; types that implement `Component` set `Component::RESETS`.
     pub fn resets(&mut self) {
         self.declaration.resets = true;
     }
@@ -329,9 +332,9 @@ impl Declare {
         self.declaration.wakes_on_descriptor = true;
     }
 
-    /// Declares that a step waits for an answer from outside, such as from a device, for at most `longest`.
-    /// The component sleeps meanwhile and leaves the core to others. The wait is part of the response time
-    /// but not of the budget.
+    /// Declares that a step waits for an answer from outside the graph, for example from a device, for at
+    /// most `longest`. The component sleeps while it waits, so other components can use the core. The wait
+    /// counts towards the step's response time but not towards its budget.
     ///
     /// ```
     /// use motorium::prelude::*;
@@ -345,9 +348,10 @@ impl Declare {
         self.declaration.waits_ns = u64::try_from(longest.as_nanos()).unwrap_or(u64::MAX);
     }
 
-    /// Declares that this component cannot keep deadlines. `reason` states why, for example garbage
-    /// collection or an interpreter's lock. The scheduling class then defaults to `normal`. `motorium check`
-    /// warns with the reason and names the real-time components that depend on this component.
+    /// Declares that this component cannot keep deadlines. `reason` names the cause, for example garbage
+    /// collection or an interpreter's lock. The scheduling class of the component then defaults to `normal`.
+    /// `motorium check` prints a warning with the reason and the names of the real-time components that
+    /// depend on this component.
     ///
     /// ```
     /// use motorium::prelude::*;
@@ -360,8 +364,8 @@ impl Declare {
         self.declaration.not_real_time = Some(reason.to_string());
     }
 
-    /// Declares that this component reads topics of the whole graph by taps (`Setup::observer`). Topics keep
-    /// enough old values to bridge the time for which a tap may go unread.
+    /// Declares that this component reads every value of some topics through taps (`Setup::observer`). The
+    /// tapped topics keep enough old values to bridge the time for which a tap may go unread.
     ///
     /// ```
     /// use motorium::declare::{Declare, Taps};
@@ -375,7 +379,7 @@ impl Declare {
         self.declaration.taps = Some(taps);
     }
 
-    /// Declares a floating-point parameter in `unit`. It may change at run time within `range`.
+    /// Declares a floating-point parameter in `unit`. The value may change at run time within `range`.
     pub fn float(
         &mut self,
         name: &str,
@@ -387,19 +391,19 @@ impl Declare {
         self.parameter(name, ParameterValue::Float(default), Some((*range.start(), *range.end())), unit, doc);
     }
 
-    /// Declares an integer parameter. It may change at run time within `range`.
+    /// Declares an integer parameter. The value may change at run time within `range`.
     pub fn integer(&mut self, name: &str, default: i64, range: core::ops::RangeInclusive<i64>, doc: &str) {
         let range = Some((*range.start() as f64, *range.end() as f64));
         self.parameter(name, ParameterValue::Integer(default), range, "", doc);
     }
 
-    /// Declares a Boolean parameter. It may change at run time.
+    /// Declares a Boolean parameter. The value may change at run time.
     pub fn boolean(&mut self, name: &str, default: bool, doc: &str) {
         self.parameter(name, ParameterValue::Boolean(default), None, "", doc);
     }
 
-    /// Declares a parameter whose value is one of `choices`. It may change at run time, and `default` must be
-    /// one of the choices. The component reads it as a `Choice`, the index of the name.
+    /// Declares a parameter whose value is one of `choices` and may change at run time. `default` must be one
+    /// of the choices. The component reads the value as a `Choice`: the index of the chosen name.
     pub fn choice(&mut self, name: &str, choices: &[&str], default: &str, doc: &str) {
         self.parameter(name, ParameterValue::Choice(default.to_string()), None, "", doc);
         if let Some(declared) = self.declaration.parameters.last_mut() {
@@ -407,9 +411,9 @@ impl Declare {
         }
     }
 
-    /// Declares an array parameter in `unit`. It may change at run time, as a whole. Its length is the length
-    /// of `default`, and each entry must be within `range`. The component reads it with
-    /// `Setup::parameter_array`.
+    /// Declares an array parameter in `unit`. The array may change at run time, all entries together. Its
+    /// length is the length of `default`, and each entry must be within `range`. The component opens the
+    /// array with `Setup::parameter_array`.
     pub fn array(
         &mut self,
         name: &str,

@@ -15,7 +15,7 @@ use crate::state::Defect;
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{message}")]
 pub struct ConfigError {
-    /// Key of the `config` table that is at fault, dotted; `None` if no single key is.
+    /// Dotted path of the invalid key in the `config` table; `None` if the error concerns several keys.
     pub key: Option<String>,
     /// Message with the found value and the expected values.
     pub message: String,
@@ -62,7 +62,7 @@ pub enum StepError {
         /// Defect of the value.
         defect: Defect,
     },
-    /// A sample could not be lent or sent.
+    /// The transport could not provide memory for a sample, or could not publish it.
     #[error("output `{port}`: {reason}")]
     Transport {
         /// Name of the output port.
@@ -78,7 +78,7 @@ pub enum StepError {
         /// Difference between the source time and the current time, ns.
         ahead_ns: u64,
     },
-    /// Any other failure, with the component's message.
+    /// A failure that has no separate variant, with the component's message.
     #[error("{0}")]
     Failed(Cow<'static, str>),
 }

@@ -1,4 +1,5 @@
-//! Declarations of a component: its ports, parameters and requirements, known before it runs.
+//! Declarations of a component: its ports, parameters and requirements, which are known before the component
+//! runs.
 
 mod declaration;
 mod error;

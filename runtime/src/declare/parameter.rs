@@ -90,8 +90,8 @@ impl core::fmt::Display for ParameterValue {
 pub struct ParameterDeclaration {
     /// Name of the parameter, unique in its component.
     pub name: String,
-    /// Default value, used unless the graph file sets another one. The default defines the type of the
-    /// parameter and the length of an array.
+    /// Default value, used unless the graph file sets an initial value. The default defines the type of the
+    /// parameter and, for an array, its length.
     pub default: ParameterValue,
     /// Smallest allowed value, or smallest allowed entry of an array; `None` if unbounded.
     pub min: Option<f64>,
@@ -102,7 +102,7 @@ pub struct ParameterDeclaration {
     pub choices: Vec<String>,
     /// Unit, such as `N m`; empty for values without a unit.
     pub unit: String,
-    /// One line of explanation, for lists.
+    /// One-line description, which is shown in lists of parameters.
     pub doc: String,
 }
 

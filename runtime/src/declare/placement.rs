@@ -1,4 +1,4 @@
-//! Placement of a component in its graph, as far as it is known before the ports are declared.
+//! Placement of a component in its graph: the properties that are known before the ports are declared.
 
 use std::path::PathBuf;
 use std::time::Duration;
@@ -12,11 +12,12 @@ pub enum ClockKind {
     /// The machine's monotonic clock. Components step at absolute times.
     #[default]
     Realtime,
-    /// Simulated time, which advances tick by tick in a fixed order, as fast as the machine allows.
+    /// Simulated time, which advances as fast as the machine allows. Components step in a fixed order at each
+    /// tick.
     Lockstep,
 }
 
-/// Placement of a component in its graph, as far as it is known before the ports are declared.
+/// Placement of a component in its graph: the properties that are known before the ports are declared.
 ///
 /// ```
 /// use std::time::Duration;

@@ -25,7 +25,7 @@ pub enum TopicPattern {
         /// Capacity of each queue: the number of samples by which a reader may lag behind without losing any.
         capacity: usize,
     },
-    /// Slices: one queue per reader, as for a stream, with slices of varying length as samples.
+    /// Slices: one queue per reader, as for a stream, but each sample is an array of varying length.
     Slices {
         /// Capacity of each queue: the number of slices by which a reader may lag behind without losing any.
         capacity: usize,
@@ -58,6 +58,6 @@ pub struct PortDeclaration {
     pub layout: TypeLayout,
     /// True if the graph must wire the port.
     pub required: bool,
-    /// One line of explanation, for lists.
+    /// One-line description, which is shown in lists of ports.
     pub doc: String,
 }

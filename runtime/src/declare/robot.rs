@@ -1,10 +1,10 @@
-//! Robot references: names and the locations of robot models.
+//! Robot references: the names of robots and the locations of their models.
 
 use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-/// Pose of a robot's base in the world, as in the graph file.
+/// Pose of a robot's base in the world, as set in the graph file.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct BasePose {
@@ -28,10 +28,12 @@ pub struct RobotReference {
     /// Pose of the robot's base in the world; `None` if the graph file does not set it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pose: Option<BasePose>,
-    /// File of the robot's profile; `None` if the graph file does not name one.
+    /// File of the robot's profile (home pose, gains and frames); `None` if the graph file does not name a
+    /// file.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub profile: Option<PathBuf>,
-    /// Folders to search first for the packages that the model's files refer to.
+    /// Folders that are searched for the packages of the model's files, before the folders in
+    /// `ROS_PACKAGE_PATH` and `AMENT_PREFIX_PATH`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub package_path: Vec<PathBuf>,
     /// Table of the keys `joints`, `fixed`, `frame`, `start` and `gains` of the robot in the graph file, with

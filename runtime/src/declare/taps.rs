@@ -1,11 +1,11 @@
-//! The topics that a component reads by taps.
+//! The topics that a component reads through taps.
 
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
-/// The topics that a component reads by taps: every value, in order, without a port and without a change in
-/// the writer.
+/// The topics that a component reads through taps. A tap reads every value of a topic in order. It needs no
+/// port, and the writer of the topic does not wait for it.
 ///
 /// ```
 /// use motorium::declare::Taps;
@@ -19,8 +19,8 @@ use serde::{Deserialize, Serialize};
 pub struct Taps {
     /// Patterns of topic names, in which `*` matches any characters.
     pub topics: Vec<String>,
-    /// Time that the kept values bridge: a tap may go unread for this time without losing values, because
-    /// topics keep the values published in it.
+    /// Time for which a tap may go unread without losing values. Tapped topics keep the values that are
+    /// published in this time.
     pub bridges: Duration,
 }
 

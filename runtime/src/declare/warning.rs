@@ -17,7 +17,7 @@ pub struct DeclareWarning {
     /// Affected key of the `config` table, dotted; `None` if the warning concerns the component as a whole.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub key: Option<String>,
-    /// Finding and its consequence.
+    /// Description of the finding and of its consequence.
     pub message: String,
     /// Advice in one sentence, or `None`.
     #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -1,4 +1,4 @@
-//! One iceoryx2 domain per run, in the run's folder: its nodes, services and choice of mechanisms.
+//! The iceoryx2 domain of a run, which is stored in the run's folder: its nodes, services and mechanisms.
 
 #![allow(unsafe_code)] // creates iceoryx2's node counter, which iceoryx2 would make accessible to all users
 
@@ -53,7 +53,7 @@ pub enum DomainError {
     Node {
         /// Folder of the domain.
         root: PathBuf,
-        /// Error of iceoryx2.
+        /// Error message of iceoryx2.
         reason: String,
     },
 }
@@ -137,8 +137,8 @@ impl Domain {
             })
     }
 
-    /// Returns `true` if dead processes still occupy slots in topics and parameters. Only inspects files and
-    /// their locks, not iceoryx2's data in shared memory.
+    /// Returns `true` if dead processes still occupy slots in topics and parameters. This only inspects files
+    /// and their locks. It does not access iceoryx2's data in shared memory.
     pub fn has_dead(&self) -> bool {
         let mut found = false;
         // Failures are retried at the next listing.
@@ -149,8 +149,8 @@ impl Domain {
         found
     }
 
-    /// Frees the slots of dead processes. This traverses shared memory written by other processes, so damaged
-    /// memory may crash this process.
+    /// Frees the slots of topics and parameters that dead processes occupy. This traverses shared memory
+    /// written by other processes, so damaged memory may crash this process.
     pub fn clean(&self) {
         let _ = Node::<Shared>::list(&self.config, |state| {
             if let NodeState::Dead(dead) = state {
@@ -166,7 +166,7 @@ impl Domain {
         Path::new(SHARED_MEMORY).join(format!("{}spare", self.prefix))
     }
 
-    /// Removes all remains of a domain that is no longer used. Returns the removed paths.
+    /// Removes all remains of a domain that is no longer used. Returns the paths of the removed files.
     pub fn remove(&self) -> Vec<PathBuf> {
         let mut removed = Vec::new();
         // The lock is removed last, because objects without a lock count as unused.
@@ -204,7 +204,8 @@ impl Domain {
     }
 }
 
-/// Limits iceoryx2's log to messages that are relevant to users. Errors are returned as values in any case.
+/// Limits iceoryx2's log to messages that are relevant to users. This does not hide errors, which are
+/// returned as values.
 pub fn quieten() {
     iceoryx2::prelude::set_log_level(iceoryx2::prelude::LogLevel::Fatal);
 }

@@ -10,10 +10,11 @@ use iceoryx2_cal::{
 
 use super::pool_allocated::PoolAllocated;
 
-/// The mechanisms of iceoryx2's `ipc::Service`, except that stream samples are lent without heap allocation.
+/// The iceoryx2 service variant of motorium. It uses the mechanisms of iceoryx2's `ipc::Service`, but lends
+/// stream samples without heap allocation.
 ///
-/// Standard iceoryx2 programs (`iox2`, the Python package) see the same memory. Topics have no iceoryx2
-/// event; the notifier of the topic wakes components (`Trigger`).
+/// Standard iceoryx2 programs (`iox2`, the Python package) can access the same shared memory. Topics do not
+/// use iceoryx2 events; motorium's `Trigger` wakes the components.
 #[derive(Debug, Clone)]
 pub struct Shared {}
 

@@ -20,7 +20,7 @@ const SHOWN: usize = 20;
 /// every line is an error.
 const SHOWN_OF_SYNTAX: usize = 5;
 
-/// One finding with its position and advice.
+/// One error or warning about a graph, with its position and advice.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Diagnostic {
     /// Number of findings that this one stands for: 1, except in the summary of hidden findings.
@@ -34,14 +34,14 @@ pub struct Diagnostic {
     pub(super) sources: Arc<Sources>,
 }
 
-/// A position in a file, as data.
+/// A position in a file, as data for `--json`.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, schemars::JsonSchema)]
 pub struct PlaceReport {
     /// Path of the file, or `--set` for an override of the command line.
     pub file: String,
-    /// Line, from 1.
+    /// Line, counted from 1.
     pub line: usize,
-    /// Column in characters, from 1.
+    /// Column in characters, counted from 1.
     pub column: usize,
     /// Label of the position; may be empty.
     pub label: String,
@@ -56,9 +56,9 @@ pub struct DiagnosticReport {
     pub message: String,
     /// Path of the file, or `--set` for an override of the command line.
     pub file: String,
-    /// Line, from 1; absent if the finding concerns the file as a whole.
+    /// Line, counted from 1; absent if the finding concerns the file as a whole.
     pub line: Option<usize>,
-    /// Column in characters, from 1; absent if the finding concerns the file as a whole.
+    /// Column in characters, counted from 1; absent if the finding concerns the file as a whole.
     pub column: Option<usize>,
     /// Label of the position; may be empty.
     pub label: String,
@@ -199,7 +199,7 @@ impl Report {
             self.diagnostics.truncate(self.shown);
             let what = if severity == Severity::Error { "errors" } else { "warnings" };
             let last = self.add(severity, format!("and {} more {what}", grouped(others)));
-            last.advise("fix the first ones; others are often consequences");
+            last.advise("fix the first errors; later errors are often their consequences");
             last.count = others;
         }
         self.diagnostics

@@ -16,7 +16,8 @@ impl GraphError {
         Self { diagnostics }
     }
 
-    /// Returns the errors in file order. Excess errors are replaced by a summary with their number.
+    /// Returns the errors in file order. If there are too many, the last entry gives the number of omitted
+    /// errors.
     pub fn diagnostics(&self) -> &[Diagnostic] {
         &self.diagnostics
     }

@@ -22,7 +22,7 @@ pub(super) fn to_json(value: &Value<'_>, report: &mut Report) -> Option<Json> {
                 report
                     .error(format!("the number {} is too large", number.as_str()))
                     .label(&value.span(), "does not fit into 64 bits")
-                    .advise("write it as a decimal number, such as 1e20, if the component takes one");
+                    .advise("write the number as a decimal, such as 1e20, if the component accepts decimals");
                 return None;
             }
         },

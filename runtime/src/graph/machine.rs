@@ -7,8 +7,8 @@ pub struct Machine {
 }
 
 impl Machine {
-    /// Detects the online cores of this machine, including cores that are isolated from the scheduler.
-    /// Whether a core may be used is only known once a process is pinned to it.
+    /// Detects the online cores of this machine, including cores that are isolated from the scheduler. The
+    /// system may still deny one of these cores when a process is pinned to it.
     pub fn detect() -> Self {
         Self::with_cores(crate::os::machine::online_cores())
     }

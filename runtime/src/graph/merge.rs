@@ -1,4 +1,4 @@
-//! Overlaying one graph file on another: tables are merged key by key, other values replaced.
+//! Overlaying one graph file on another: tables are merged key by key, and all other values are replaced.
 
 use toml::Spanned;
 use toml::de::{DeArray, DeTable, DeValue};

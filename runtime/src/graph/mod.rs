@@ -51,12 +51,12 @@ pub struct Checked {
     pub plan: Plan,
     /// Warnings about settings that are valid but probably unintended.
     pub warnings: Vec<Diagnostic>,
-    /// Time for the declaration of each component, in file order.
+    /// Duration of each component's declaration, in file order.
     pub declared: Vec<DeclareTime>,
 }
 
-/// Reads a graph file, applies `overrides`, and performs all checks that are possible before the start, for
-/// the current machine.
+/// Reads a graph file, applies `overrides`, and checks the graph for the current machine. Performs all checks
+/// that are possible before the start.
 ///
 /// # Errors
 /// Returns all errors found, each with its position and advice.
@@ -64,7 +64,7 @@ pub fn load(path: &Path, overrides: &[Override], registry: &Registry) -> Result<
     load_for(path, overrides, registry, &Machine::detect())
 }
 
-/// Loads a graph file like [`load`], for the machine `machine`.
+/// Loads a graph file like [`load`], but checks it for `machine` in place of the current machine.
 ///
 /// # Errors
 /// Returns all errors found, each with its position and advice.

@@ -30,8 +30,8 @@ pub(super) use safety::{ActuatorSafetyTable, SafetyTable};
 #[derive(Debug, JsonSchema)]
 #[schemars(deny_unknown_fields, rename = "Graph")]
 pub(super) struct GraphTable<'i> {
-    /// Base graph file, relative to this file. Tables of this file are merged into the base file's key by
-    /// key; other values replace the base file's values.
+    /// Base graph file, relative to this file. Tables of this file are merged key by key into the tables of
+    /// the base file; all other values replace the values of the base file.
     pub extends: Option<At<String>>,
     /// Dotted paths of keys to remove from the base files before this file is applied, such as
     /// `component.encoder`.
@@ -48,8 +48,8 @@ pub(super) struct GraphTable<'i> {
     /// name.
     #[schemars(extend("default" = defaults::SEED))]
     pub seed: Option<At<u64>>,
-    /// Division of the run into episodes. In lockstep each episode begins with a reset of all components, in
-    /// real time without a reset.
+    /// Division of the run into episodes. In lockstep, each episode begins with a reset of all components. In
+    /// real time, episodes begin without a reset.
     pub episodes: Option<At<EpisodesTable>>,
     /// Assignment of the machine's cores.
     pub cores: Option<At<CoresTable>>,
@@ -72,7 +72,7 @@ pub(super) struct GraphTable<'i> {
     /// Conditions on values in the report, such as `"controller.position_error_m" = "<= 1e-3"`. A run that
     /// ends normally but violates a condition has a separate exit code.
     pub expect: Option<At<Expectations>>,
-    /// Known keys of which the file's unknown keys are probably misspellings.
+    /// Known keys that are probably misspelt in the file.
     #[schemars(skip)]
     pub meant: Vec<&'static str>,
 }
@@ -120,7 +120,8 @@ impl<'i> GraphTable<'i> {
 #[derive(Debug, JsonSchema)]
 #[schemars(deny_unknown_fields, rename = "Episodes")]
 pub(super) struct EpisodesTable {
-    /// Number of episodes. Each lasts for `duration`, or until the component with `ends_episode` ends it.
+    /// Number of episodes. An episode lasts for `duration`, or until the component with `ends_episode` ends
+    /// the episode.
     #[schemars(range(min = 1), extend("default" = defaults::EPISODES))]
     pub count: Option<At<u64>>,
     /// If true, each episode has a separate seed: the graph's seed plus the index of the episode.
@@ -144,8 +145,8 @@ pub(super) struct CoresTable {
     /// Cores for real-time components. Default: the last core of the machine.
     #[schemars(length(min = 1), extend("uniqueItems" = true))]
     pub realtime: Option<At<Vec<At<usize>>>>,
-    /// Cores for everything else. Default: all cores that are not real-time; on a machine with one core, that
-    /// core.
+    /// Cores for everything that is not real-time. Default: all cores that are not listed in `realtime`; on a
+    /// machine with one core, that core.
     #[schemars(length(min = 1), extend("uniqueItems" = true))]
     pub shared: Option<At<Vec<At<usize>>>>,
 }
@@ -220,19 +221,19 @@ impl<'i> Read<'i> for TopicTable {
 pub(super) struct ComponentTable<'i> {
     /// Kind of the component, if it is built in.
     pub kind: Option<At<String>>,
-    /// Path of the user's program, relative to the graph file, in place of a built-in kind.
+    /// Path of the user's program, relative to the graph file. Set either this or `kind`.
     pub exec: Option<At<String>>,
     /// Robot on which the component works: a name from `[robot]`.
     pub robot: Option<At<String>>,
-    /// Several robots in place of one, for kinds that support it: names from `[robot]`, each once. Port
-    /// `PORT` of robot `NAME` is then called `NAME.PORT`.
+    /// Robots on which the component works, in place of `robot`, for kinds that support several robots: names
+    /// from `[robot]`, each once. Port `PORT` of robot `NAME` is then called `NAME.PORT`.
     pub robots: Option<At<Vec<At<String>>>>,
     /// Rate at which the component steps.
     pub rate: Option<At<Rate>>,
-    /// Topic that triggers the component: it steps whenever the topic is published. The component must
+    /// Topic that triggers the component: the component steps whenever the topic is published, and must
     /// subscribe to it.
     pub trigger: Option<At<TopicName>>,
-    /// Events outside the graph that trigger the component, for kinds that can wait for them.
+    /// Events outside the graph that trigger the component, for kinds that can wait for such events.
     pub activate: Option<At<ActivateTable>>,
     /// Offset of the first step within the period; only with `rate`.
     #[schemars(extend("default" = defaults::PHASE))]
@@ -242,11 +243,12 @@ pub(super) struct ComponentTable<'i> {
     /// Scheduling class: real-time or not.
     #[schemars(extend("default" = defaults::SCHEDULE))]
     pub schedule: Option<At<Schedule>>,
-    /// Real-time priority. Default: the faster the component, the higher. In a trigger chain, it is the
-    /// priority of the chain's head.
+    /// Real-time priority. Default: the faster the component, the higher the priority. In a trigger chain, it
+    /// is the priority of the chain's head.
     #[schemars(range(min = 1, max = 98))]
     pub priority: Option<At<i64>>,
-    /// Time of spinning before each release, which overrides `[realtime]`; only with `rate`.
+    /// Time before each release at which the component starts spinning. Overrides `[realtime]`; only with
+    /// `rate`.
     pub spin: Option<At<SpinChoice>>,
     /// Core of the component, one of the cores in `[cores]`. Default: the core of its trigger chain, or the
     /// first core of its class.
@@ -269,8 +271,8 @@ pub(super) struct ComponentTable<'i> {
     pub cpu_limit: Option<At<TimeSpan>>,
     /// Share of its steps that the component may lose without a warning. Overrides `[realtime]`.
     pub lost_steps: Option<At<Share>>,
-    /// Number of late steps above which the graph enters its safe state. Each punctual step offsets a late
-    /// one. Default: 0 with `on_overrun = "safe_stop"`, otherwise unlimited.
+    /// Number of late steps above which the graph enters its safe state. Each punctual step offsets one late
+    /// step. Default: 0 with `on_overrun = "safe_stop"`, otherwise unlimited.
     pub overruns_tolerated: Option<At<u32>>,
     /// Policy for a step that failed.
     #[schemars(extend("default" = defaults::ON_ERROR))]
@@ -293,7 +295,7 @@ pub(super) struct ComponentTable<'i> {
     pub begins_episodes: Option<At<bool>>,
     /// Safety settings of an actuator, which override `[safety]`.
     pub safety: Option<At<ActuatorSafetyTable>>,
-    /// Known keys of which the file's unknown keys are probably misspellings.
+    /// Known keys that are probably misspelt in the file.
     #[schemars(skip)]
     pub meant: Vec<&'static str>,
 }
@@ -354,7 +356,7 @@ pub(super) struct LatencyTable {
     /// Policy for a latency above `max`.
     #[schemars(extend("default" = defaults::ON_MISS))]
     pub on_miss: Option<At<OnMiss>>,
-    /// Known keys of which the file's unknown keys are probably misspellings.
+    /// Known keys that are probably misspelt in the file.
     #[schemars(skip)]
     pub meant: Vec<&'static str>,
 }

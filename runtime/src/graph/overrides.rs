@@ -1,7 +1,7 @@
-//! `--set component.key=value`: values of the command line that override values in the file.
+//! Overrides of the command line (`--set component.key=value`), which replace values in the graph file.
 //!
-//! An override is applied to the parsed tables, not to the text, so positions in the file stay valid and
-//! errors in an override are shown in the override.
+//! An override changes the parsed tables and leaves the text of the file unchanged. Positions in the file
+//! therefore stay valid, and an error in an override is shown in the text of the override.
 
 use std::borrow::Cow;
 
@@ -17,8 +17,8 @@ use crate::nearest::{list, nearest};
 /// A value from the command line that overrides a value in the file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Override {
-    /// Dotted path of the key, such as `clock`, `duration`, `controller.config.damping` or `latency.0.max`.
-    /// `component.NAME` may be shortened to `NAME`.
+    /// Dotted path of the key, such as `clock`, `controller.config.damping` or `latency.0.max`. The prefix
+    /// `component.` may be omitted.
     pub path: String,
     /// The value in TOML. Anything that is not valid TOML is treated as text, so `clock=lockstep` needs no
     /// quotes.

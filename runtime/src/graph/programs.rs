@@ -1,6 +1,6 @@
 //! Programs that host components: search, and queries of their kinds and declarations.
 //!
-//! Loading a graph queries its programs; this module queries programs without a graph.
+//! Loading a graph queries the programs that the graph names. This module queries programs without a graph.
 //!
 //! ```
 //! use std::path::Path;

@@ -1,4 +1,5 @@
-//! Other activity of a core during a run: interrupts, soft interrupts, and time stolen by its host.
+//! Activity of a core during a run that its components did not cause: interrupts, soft interrupts, and time
+//! stolen by the host.
 
 use std::collections::BTreeMap;
 use std::time::Instant;
@@ -11,7 +12,7 @@ use crate::os::machine::CoreTimes;
 /// Length of a tick in `/proc/stat`, ms: `USER_HZ` is 100 on every architecture that Linux runs on today.
 const TICK_MS: f64 = 10.0;
 
-/// Activity on one core during a run, other than the run's components.
+/// Activity on one core during a run that the run's components did not cause.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct CoreReport {
     /// Index of the core.
@@ -22,8 +23,8 @@ pub struct CoreReport {
     pub steal_ms: f64,
     /// Time in interrupts and soft interrupts, ms, in steps of 10 ms; 0 if the kernel does not measure it.
     pub interrupt_ms: f64,
-    /// Number of interrupts, by name in `/proc/interrupts`. `LOC` is the timer, `RES` and `CAL` are from
-    /// other cores, and the others are from devices.
+    /// Number of interrupts, by name in `/proc/interrupts`. `LOC` is the timer, `RES` and `CAL` are
+    /// interrupts from other cores, and all other names are device interrupts.
     pub interrupts: BTreeMap<String, u64>,
     /// Number of soft interrupts, by name in `/proc/softirqs`.
     pub softirqs: BTreeMap<String, u64>,
@@ -43,7 +44,7 @@ impl CoreReport {
         self.interrupts.iter().filter(|(name, _)| device(name)).map(|(_, count)| count).sum()
     }
 
-    /// Adds a measurement of the same core over another interval to this one.
+    /// Adds `other`, a measurement of the same core over a separate interval, to this measurement.
     pub fn add(&mut self, other: &Self) {
         self.seconds += other.seconds;
         self.steal_ms += other.steal_ms;

@@ -26,7 +26,7 @@ pub enum LaunchError {
     Start {
         /// Name of the component.
         name: String,
-        /// Path of its program.
+        /// Path of the component's program.
         program: PathBuf,
         /// Error of the operating system.
         reason: String,
@@ -46,7 +46,7 @@ pub enum LaunchError {
         what: &'static str,
         /// The amount that the graph needs.
         need: String,
-        /// Available amount, as a clause that completes the message.
+        /// The available amount, as a clause at the end of the message.
         found: String,
         /// Advice in one sentence.
         advice: String,

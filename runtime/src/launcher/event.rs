@@ -16,7 +16,7 @@ pub enum Event<'a> {
         /// Plan of the run.
         plan: &'a Plan,
     },
-    /// The system denied requests of the graph; they are listed in one line.
+    /// The system denied requests of the graph. The text lists them in one line.
     Lost(&'a str),
     /// All ports are connected; the first step is due.
     Started,
@@ -33,11 +33,12 @@ pub enum Event<'a> {
         component: &'a str,
         /// Index of the step at which it failed.
         tick: u64,
-        /// Reason of the failure.
+        /// Reason for the failure.
         reason: &'a str,
         /// Consequence of the failure, such as a restart.
         consequence: &'a str,
-        /// Time at which the failure was detected, `CLOCK_MONOTONIC` ns; `None` for the time of the event.
+        /// Time at which the failure was detected, `CLOCK_MONOTONIC` ns; `None` if this is the time of the
+        /// event.
         seen_ns: Option<u64>,
     },
     /// A restarted component steps again.
@@ -105,8 +106,8 @@ pub enum Event<'a> {
     LeftSafeState {
         /// Name of the actuator.
         component: &'a str,
-        /// If the actuator is in its safe state again: time before which it had left the safe state,
-        /// `CLOCK_MONOTONIC` ns. Otherwise `None`.
+        /// Time by which the actuator had left its safe state, `CLOCK_MONOTONIC` ns, if it has entered the
+        /// safe state again since. Otherwise `None`.
         before_ns: Option<u64>,
         /// `true` if the actuator approaches its commands at limited rates and does not follow them yet.
         resuming: bool,
@@ -157,7 +158,7 @@ pub enum Event<'a> {
         /// Time since the start of the step, ns.
         for_ns: u64,
     },
-    /// An actual or possible deviation from the graph, as text.
+    /// A warning about an actual or possible deviation from the graph, as text.
     Warning(&'a str),
     /// The components received the request to end.
     Ending(&'a Exit),

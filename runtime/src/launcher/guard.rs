@@ -23,8 +23,8 @@ use crate::run_folder::RunFolder;
 /// Interval between two checks of the launcher.
 const LOOK: Duration = Duration::from_millis(50);
 
-/// Runs the guard: waits until the launcher ends unexpectedly, then ends the run in its place. A launcher
-/// that ends normally kills its guard first.
+/// Runs the guard, which waits until the launcher ends unexpectedly and then ends the run in the launcher's
+/// place. A launcher that ends normally kills its guard first.
 pub fn main(folder: &RunFolder) -> ExitCode {
     // The signals of the launcher's terminal session must not end the guard.
     for signal in [SIGINT, SIGTERM, SIGHUP, SIGTSTP] {
@@ -265,7 +265,7 @@ fn describe_safety(
             }
             Reached::Safe { since_ns } => {
                 let after = (since_ns - noticed) as f64 * 1e-6;
-                format!("`{name}` in its safe state ({state}) {after:.1} ms after")
+                format!("`{name}` in its safe state ({state}) {after:.1} ms after the guard noticed")
             }
             Reached::Moving => format!("`{name}` in its safe state ({state}), and not at rest"),
             Reached::Not => format!("`{name}` did not reach its safe state"),

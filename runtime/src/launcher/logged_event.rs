@@ -30,7 +30,7 @@ pub struct LoggedEvent {
     /// In lockstep, simulated time in the episode, s; `null` in real time.
     #[serde(default)]
     pub simulated_s: Option<f64>,
-    /// Index of the episode; `null` in logs of versions that did not number episodes of real time.
+    /// Index of the episode; `null` in old logs of real-time runs, whose episodes were not numbered.
     #[serde(default)]
     pub episode: Option<u64>,
     /// Severity of the event.
@@ -39,7 +39,7 @@ pub struct LoggedEvent {
     pub component: Option<String>,
     /// Kind of the event.
     pub kind: EventKind,
-    /// Value that belongs to the event, as defined by its kind; otherwise 0.
+    /// Value of the event, as defined by its kind; 0 for kinds without a value.
     pub value: f64,
     /// Description of the event.
     pub text: String,

@@ -299,7 +299,7 @@ impl Launch {
         report::state_hash(&self.run.plan, &self.run.region)
     }
 
-    /// Returns `true` if the launching program stands in for a component.
+    /// Returns `true` if the launching program publishes in place of a component, which is not started.
     pub(crate) fn stands_in_for(&self, component: &str) -> bool {
         self.run.is_played(component)
     }

@@ -1,4 +1,4 @@
-//! Visible real-time work of other users on the cores of a run.
+//! Real-time processes of other users on the cores of a run, as far as they are visible.
 
 use super::Event;
 use crate::os::{Foreign, realtime_of_others};
@@ -39,8 +39,8 @@ fn describe(others: &[Foreign]) -> Option<String> {
     };
     (!descriptions.is_empty()).then(|| {
         format!(
-            "other users have real-time work on the cores of this run: {}{more}; `check` does not know its budgets, and \
-             steps may come late",
+            "other users have real-time work on the cores of this run: {}{more}; `motorium check` does not know the \
+             budgets of this work, so steps may be late",
             descriptions.join(", ")
         )
     })

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use super::LaunchError;
 use crate::plan::{ClockKind, Plan, Program};
 
-/// Options of a launch: where the components run, and the tasks of the launching program.
+/// Options of a launch: where the components run, and which tasks the launching program handles.
 ///
 /// ```
 /// use motorium::launcher::{Hosting, Options};
@@ -19,14 +19,15 @@ pub struct Options {
     pub hosting: Hosting,
     /// Program that runs built-in kinds and the guard, usually the current one. Only needed for processes.
     pub program: PathBuf,
-    /// In lockstep, core to which the whole run is pinned. With `None`, the run uses the first core that the
-    /// graph assigns to a component, and a thread that hosts components inline stays where it is.
+    /// Core to which the whole run is pinned in lockstep. With `None`, processes and threads are pinned to
+    /// the first core that the graph assigns to a component. A thread that hosts components inline is then
+    /// not pinned.
     pub core: Option<usize>,
-    /// `true` if `SIGINT`, `SIGTERM` and `SIGHUP` end the run normally. Outside of such runs, the signals
-    /// have their previous effect.
+    /// `true` if `SIGINT`, `SIGTERM` and `SIGHUP` end the run normally. Before and after the run, these
+    /// signals have their usual effect.
     pub catch_signals: bool,
-    /// Names of components that are not started. The launching program stands in for them and publishes on
-    /// their topics.
+    /// Names of components that are not started. The launching program publishes on their topics in their
+    /// place.
     pub stand_in: Vec<String>,
 }
 
@@ -36,10 +37,10 @@ pub enum Hosting {
     /// Each component runs in a separate process.
     Processes,
     /// Each component runs in a thread of the launching process, without protection from other components.
-    /// For tests and for learning.
+    /// Intended for tests and for learning.
     Threads,
-    /// All components run in the launching thread, stepped one after the other without waits. Only in
-    /// lockstep, for roll-outs.
+    /// All components run in the launching thread, which steps them one after the other without waits.
+    /// Requires lockstep. Intended for roll-outs.
     Inline,
 }
 
@@ -48,8 +49,8 @@ impl Options {
         Self { hosting, program, core: None, catch_signals: true, stand_in: Vec::new() }
     }
 
-    /// Creates options that run each component in a separate process. `program` hosts the built-in kinds: the
-    /// `motorium` command, or another program that calls `program::run_worker`.
+    /// Creates options that run each component in a separate process. `program` hosts the built-in kinds. It
+    /// is the `motorium` command or any program that calls `program::run_worker`.
     pub fn processes(program: PathBuf) -> Self {
         Self::new(Hosting::Processes, program)
     }
@@ -64,20 +65,21 @@ impl Options {
         Self::new(Hosting::Inline, PathBuf::new())
     }
 
-    /// Pins a lockstep run to one core. Simultaneous runs need one core each.
+    /// Pins a lockstep run to one core. Simultaneous runs need a separate core each.
     #[must_use]
     pub fn on_core(self, core: usize) -> Self {
         Self { core: Some(core), ..self }
     }
 
-    /// Leaves the signals of the process to the program. If a signal ends the program, the shared memory of
-    /// its threads remains until `motorium doctor --clean` removes it.
+    /// Leaves the handling of signals to the launching program. If a signal ends the program, the shared
+    /// memory of the run remains until `motorium doctor --clean` removes it.
     #[must_use]
     pub fn leaving_signals(self) -> Self {
         Self { catch_signals: false, ..self }
     }
 
-    /// Stands in for a component: it is not started, and the program publishes on its topics.
+    /// Replaces a component by the launching program: the component is not started, and the program publishes
+    /// on the component's topics.
     #[must_use]
     pub fn standing_in_for(mut self, component: &str) -> Self {
         self.stand_in.push(component.to_string());
@@ -92,8 +94,9 @@ impl Options {
         if let Some(name) = self.stand_in.iter().find(|name| plan.components.iter().all(|c| c.name != **name))
         {
             let names: Vec<&str> = plan.components.iter().map(|component| component.name.as_str()).collect();
-            let reason = format!("the graph has no component `{name}`, but {}", names.join(", "));
-            return unsuitable("standing in for a component", reason, "name one of these");
+            let reason =
+                format!("the graph has no component `{name}`; its components are {}", names.join(", "));
+            return unsuitable("replacing a component", reason, "name one of its components");
         }
         if self.hosting != Hosting::Inline {
             return Ok(());
@@ -103,7 +106,11 @@ impl Options {
                 "graph `{}` runs in real time, where each component needs a separate process or thread",
                 plan.name
             );
-            return unsuitable("hosting inline", reason, "add `--clock lockstep`, or host it in threads");
+            return unsuitable(
+                "hosting inline",
+                reason,
+                "add `--clock lockstep`, or host the graph in threads",
+            );
         }
         let is_program = |program: &Program| !matches!(program, Program::Builtin { .. });
         if let Some(component) = plan.components.iter().find(|component| is_program(&component.program)) {

@@ -31,16 +31,17 @@ pub struct Report {
     pub realtime_factor: f64,
     /// In lockstep, digest of all published values, which is equal for equal runs; `null` in real time.
     pub state_hash: Option<String>,
-    /// Episodes of a run that was divided, in order; empty otherwise. In lockstep, `state_hash` and `results`
-    /// are from the last episode; in real time, `results` are from the whole run.
+    /// Episodes of the run, in order; empty if the run was not divided into episodes. In lockstep,
+    /// `state_hash` and `results` of the report describe the last episode; in real time, `results` describe
+    /// the whole run.
     #[serde(default)]
     pub episodes: Vec<EpisodeReport>,
     /// Outcome of the run.
     pub exit: Exit,
     /// Requests that the system denied, as text; empty if all were granted.
     pub lost: Vec<String>,
-    /// Shortcomings of a run that ended normally, as text, such as components that no longer stepped at the
-    /// end or lost too many steps.
+    /// Shortcomings of a run that ended normally, as text, such as components that had stopped stepping
+    /// before the end or lost too many steps.
     #[serde(default)]
     pub warnings: Vec<String>,
     /// Maximum exit latency of idle states while the graph ran, ns; `null` if no limit was requested
@@ -53,7 +54,7 @@ pub struct Report {
     pub latencies: Vec<LatencyReport>,
     /// Report of each edge: a topic and one of its readers.
     pub edges: Vec<EdgeReport>,
-    /// Other activity on each core with a pinned component.
+    /// Activity that the run's components did not cause, on each core with a pinned component.
     #[serde(default)]
     pub cores: Vec<CoreReport>,
     /// Results of the components, by component name.
@@ -73,7 +74,7 @@ pub struct Report {
 /// Report of one episode.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct EpisodeReport {
-    /// Index of the episode, from 0.
+    /// Index of the episode, counted from 0.
     pub index: u64,
     /// Seed of the episode. In lockstep, a run with this seed publishes the same values.
     pub seed: u64,
@@ -94,18 +95,19 @@ pub struct ComponentReport {
     pub pid: u32,
     /// Number of completed steps.
     pub steps: u64,
-    /// Number of steps per second, from the first step to the last one. If the component no longer steps, the
-    /// time from its last step until the end of the run (or until now, during the run) counts, too.
+    /// Number of steps per second, from the first step to the last one. If the component has stopped
+    /// stepping, the time from its last step until the end of the run (or until now, during the run) is
+    /// included.
     pub rate_hz: f64,
-    /// Lateness, ns: time from the release or the triggering publication to the start of the step. For a
-    /// release by a descriptor, it counts from the wake-up, or from the time to which `min_interval` delayed
-    /// the step.
+    /// Lateness, ns: time from the release or the triggering publication to the start of the step. For a step
+    /// released by a file descriptor, lateness starts at the wake-up, or at the time to which `min_interval`
+    /// delayed the step.
     pub lateness_ns: Percentiles,
     /// Execution time, ns of wall-clock time: from the start to the end of the step.
     pub execution_ns: Percentiles,
     /// CPU times of steps, ns, including waiting and waking but not spinning.
     pub cpu_ns: Percentiles,
-    /// Time of spinning before a release, at the end of the run, ns.
+    /// Time before a release at which the component started spinning, as adapted by the end of the run, ns.
     pub spin_ns: u64,
     /// Stalls of the machine, measured while the component was spinning.
     pub stalls: Stalls,
@@ -121,7 +123,7 @@ pub struct ComponentReport {
     pub refused: u64,
     /// Number of restarts.
     pub restarts: u32,
-    /// Statistics of an actuator's command gate; `null` for other components.
+    /// Statistics of an actuator's command gate; `null` for components that are not actuators.
     #[serde(default)]
     pub gate: Option<GateReport>,
     /// Number of heap allocations in steps after the first 100; `null` if the component's program does not
@@ -131,7 +133,7 @@ pub struct ComponentReport {
     pub allocations_apart: Option<u64>,
     /// Number of page faults of the stepping thread after the first 100 steps.
     pub page_faults: u64,
-    /// `SCHED_FIFO` priority, as read back from the kernel; 0 for any other class.
+    /// `SCHED_FIFO` priority, as read back from the kernel; 0 if the class is not `SCHED_FIFO`.
     pub fifo_priority: u32,
     /// `true` if the component ran under `SCHED_DEADLINE`, as read back from the kernel.
     pub deadline: bool,
@@ -211,7 +213,7 @@ pub struct ExpectationReport {
     pub found: serde_json::Value,
     /// True if the value satisfies the condition.
     pub met: bool,
-    /// Reason why the figure has no value, as text; `null` if it has one.
+    /// Reason why the figure has no value, as text; `null` if the figure has a value.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub problem: Option<String>,
 }
@@ -244,9 +246,9 @@ fn rate_hz(plan: &ComponentPlan, block: &ComponentBlock, now_ns: u64) -> f64 {
     steps_per_second(begun, first, last, now_ns, plan.period_ns())
 }
 
-/// Returns the number of steps per second, from the number of steps begun and the time from the first to the
-/// last step. If the last step is more than two periods old, the time until `now_ns` is used instead, and the
-/// rate of a stopped component falls. All times are in ns.
+/// Returns the rate of a component, in steps per second, from the number of steps begun and the time between
+/// the first and the last step. If the last step is more than two periods old, the time from the first step
+/// until `now_ns` is used, so that the rate of a stopped component falls. All times are in ns.
 pub fn steps_per_second(begun: u64, first_ns: u64, last_ns: u64, now_ns: u64, period_ns: u64) -> f64 {
     let still_steps = now_ns.saturating_sub(last_ns) <= 2 * period_ns;
     let end_ns = if still_steps { last_ns } else { now_ns };

@@ -2,7 +2,8 @@
 //!
 //! The first access to unavailable shared memory kills the process (`SIGBUS`). The launcher therefore
 //! allocates all of it at the start, when a shortage is a named error. It keeps a reserve for restarts of
-//! components, because other programs may have used up the rest by then.
+//! components, because programs outside the run may have used up the remaining memory when a component
+//! restarts.
 
 use std::fs::{File, OpenOptions};
 use std::os::unix::fs::OpenOptionsExt as _;

@@ -64,9 +64,9 @@ impl<'a> SafeStop<'a> {
                 // Moving joints are recorded at the end (`note_rest`).
                 Reached::Safe { .. } | Reached::Moving => None,
                 Reached::Not => Some(format!("`{name}` did not reach its safe state before the end")),
-                Reached::Dead => {
-                    Some(format!("`{name}` ended before the robot had settled, so nothing controlled it"))
-                }
+                Reached::Dead => Some(format!(
+                    "`{name}` ended before the robot had settled, so nothing controlled the robot"
+                )),
             }
         };
         self.actuators().into_iter().filter_map(warning).collect()

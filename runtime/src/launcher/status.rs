@@ -22,7 +22,7 @@ pub struct Status {
     pub edges: Vec<EdgeReport>,
 }
 
-/// Status of a component: its phase, and its report so far.
+/// Status of a component: its phase, and its measurements so far.
 #[derive(Debug, Clone, Serialize)]
 pub struct ComponentStatus {
     /// Phase of the component's life.

@@ -38,7 +38,7 @@ fn describe(plan: &Plan, misses: &[Misses], latencies: &[(u64, u64)]) -> String 
                 .collect();
             let steps = if late == 1 { "step" } else { "steps" };
             format!(
-                "`{}` had {late} late {steps} ({}) where {tolerated} are tolerated",
+                "`{}` had {late} late {steps} ({}), expected at most {tolerated}",
                 component.name,
                 causes.join(", ")
             )
@@ -48,7 +48,7 @@ fn describe(plan: &Plan, misses: &[Misses], latencies: &[(u64, u64)]) -> String 
         let (from, to) = (&plan.topics[latency.from].name, &plan.topics[latency.to].name);
         (latency.on_miss == OnMiss::SafeStop && *missed > 0).then(|| {
             format!(
-                "the latency from `{from}` to `{to}` was {} where {} are allowed",
+                "the latency from `{from}` to `{to}` was {}, expected at most {}",
                 TimeSpan { ns: *longest_ns },
                 TimeSpan { ns: latency.max_ns }
             )
@@ -81,7 +81,7 @@ mod tests {
         let both = [late, late];
         assert_eq!(
             describe(&plan(), &both, &[(0, 0)]),
-            "`controller` had 3 late steps (1 too long, 2 delayed by others) where 0 are tolerated"
+            "`controller` had 3 late steps (1 too long, 2 delayed by others), expected at most 0"
         );
         let mut tolerant = plan();
         tolerant.components[1].overruns_tolerated = Some(3);
@@ -92,7 +92,7 @@ mod tests {
     fn excessive_latency_is_reported_with_its_budget() {
         assert_eq!(
             describe(&plan(), &[Misses::default(); 2], &[(1, 412_000)]),
-            "the latency from `topic/physics` to `topic/controller` was 412 us where 300 us are allowed"
+            "the latency from `topic/physics` to `topic/controller` was 412 us, expected at most 300 us"
         );
     }
 }

@@ -13,8 +13,8 @@ pub fn thread_cpu_ns() -> u64 {
     now.tv_sec as u64 * 1_000_000_000 + now.tv_nsec as u64
 }
 
-/// Reader of the time for which a thread was ready to run while another thread of this system occupied its
-/// core.
+/// Reader of the time for which a thread was ready to run, but waited because a different thread of this
+/// system occupied its core.
 #[derive(Debug)]
 pub struct WaitedForCore(Option<File>);
 

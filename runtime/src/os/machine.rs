@@ -40,7 +40,7 @@ pub fn isolated_cores() -> Vec<usize> {
     cores("isolated")
 }
 
-/// Returns the cores without a periodic tick while they run a single thread (`nohz_full`).
+/// Returns the cores that have no periodic timer tick while they run a single thread (`nohz_full`).
 pub fn tickless_cores() -> Vec<usize> {
     cores("nohz_full")
 }

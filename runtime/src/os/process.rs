@@ -77,7 +77,8 @@ pub fn discard_output() {
     }
 }
 
-/// A handle to another process that reports the end of the process, even if its id is reused.
+/// A handle to a process that reports when the process has ended, even if the system reuses the id of the
+/// process.
 #[derive(Debug)]
 pub struct Watch(OwnedFd);
 

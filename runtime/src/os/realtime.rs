@@ -27,7 +27,7 @@ pub struct Request {
 /// Real-time settings in force, as read back from the kernel.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct Applied {
-    /// `SCHED_FIFO` priority, or 0 for any other class.
+    /// `SCHED_FIFO` priority, or 0 if the class is not `SCHED_FIFO`.
     pub fifo_priority: u8,
     /// True if the thread runs under `SCHED_DEADLINE`.
     pub deadline: bool,
@@ -43,8 +43,8 @@ pub enum Denied {
     /// Real-time priority under `SCHED_FIFO`.
     #[error("SCHED_FIFO priority {0} ({1})")]
     Priority(u8, String),
-    /// Run time under `SCHED_DEADLINE`: privileges are missing, or the kernel can no longer guarantee the
-    /// requested time.
+    /// Run time under `SCHED_DEADLINE`. Either privileges are missing, or the kernel cannot guarantee the
+    /// requested time next to existing guarantees.
     #[error("SCHED_DEADLINE with {} us in every {} us ({reason})", runtime_ns / 1000, period_ns / 1000)]
     Deadline {
         /// Requested CPU time in each period, ns.
@@ -160,8 +160,8 @@ fn set_fifo(priority: u8) -> io::Result<()> {
 }
 
 /// Lets the calling thread keep its core until it sleeps, even after it has woken another thread on that core
-/// (`SCHED_BATCH`). A hand-over then costs one thread switch. If this is denied, hand-overs are slower but
-/// still correct.
+/// (`SCHED_BATCH`). Waking the next component then costs one thread switch. If the system denies this, the
+/// hand-over is slower but correct.
 pub fn hand_over_when_asleep() {
     let parameters = libc::sched_param { sched_priority: 0 };
     // SAFETY: `parameters` is initialised and outlives the call; 0 is the calling thread.

@@ -106,8 +106,8 @@ fn limit(resource: Resource) -> Option<u64> {
     getrlimit(resource).current
 }
 
-/// Raises the limit of a resource to `wanted`, as far as permitted. Returns the limit then in force, or
-/// `None` if the resource is unlimited.
+/// Raises the limit of a resource to `wanted`, as far as permitted. Returns the new limit, or `None` if the
+/// resource is unlimited.
 pub fn raise_limit(resource: Resource, wanted: u64) -> Option<u64> {
     let Rlimit { current, maximum } = getrlimit(resource);
     let current = current?;

@@ -1,7 +1,8 @@
 //! Processes and threads of users from `/proc`: the number of this user's threads, and the real-time threads
 //! of other users.
 //!
-//! With `hidepid`, or in a separate process namespace, processes of other users are invisible.
+//! With the mount option `hidepid` of `/proc`, or in a separate process namespace, processes of other users
+//! are invisible.
 
 use std::fs;
 

@@ -62,7 +62,7 @@ pub fn current_core() -> usize {
     rustix::thread::sched_getcpu()
 }
 
-/// Yields the core to other threads of the same priority.
+/// Yields the core to waiting threads of the same priority.
 pub fn yield_core() {
     rustix::thread::sched_yield();
 }

@@ -1,4 +1,4 @@
-//! The blackboard of a component's parameters, and the component's side of it.
+//! The iceoryx2 blackboard that holds a component's parameters, as accessed by the component.
 
 use std::cell::Cell;
 

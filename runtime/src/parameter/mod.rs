@@ -1,7 +1,7 @@
 //! Parameters: slow, typed, range-checked values on iceoryx2's blackboard, applied between two steps.
 //!
-//! All parameters of a component form one entry, so that a writer sets several of them atomically. While
-//! nothing changes, a step only compares one counter.
+//! All parameters of a component form one entry of the blackboard, so that a writer can set several
+//! parameters atomically. While nothing changes, a step only compares one counter.
 
 mod blackboard;
 mod outside;
@@ -145,7 +145,7 @@ impl ParameterArray {
         self.length
     }
 
-    /// Returns `true` if the array has no entries. Declared arrays always have some.
+    /// Returns `true` if the array has no entries. Declared arrays always have at least one entry.
     pub fn is_empty(&self) -> bool {
         self.length == 0
     }

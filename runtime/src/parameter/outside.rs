@@ -58,22 +58,22 @@ impl ParameterTable {
         Ok(all)
     }
 
-    /// Sets a parameter, named `component.parameter`, and returns the new value in its declared type. It
-    /// takes effect at the component's next step.
+    /// Sets the parameter named `component.parameter`, and returns the new value in its declared type. The
+    /// value takes effect at the component's next step.
     ///
     /// # Errors
-    /// The parameter does not exist, the value has the wrong type or is out of range, or another writer is
-    /// active.
+    /// The parameter does not exist, the value has the wrong type or is out of range, or a different process
+    /// is setting parameters at the same time.
     pub fn set(&self, path: &str, value: ParameterValue) -> Result<ParameterValue, ParameterError> {
         let mut set = self.set_many([(path, value)])?;
         Ok(set.swap_remove(0))
     }
 
-    /// Sets several parameters and returns their new values. Parameters of the same component take effect
-    /// together, at its next step.
+    /// Sets several parameters and returns their new values. All values for one component take effect
+    /// together, at the component's next step.
     ///
     /// # Errors
-    /// Same as [`set`](Self::set), for the first invalid value. No parameter is set then.
+    /// Same as [`set`](Self::set), for the first invalid value. If there is an error, no parameter is set.
     pub fn set_many<'a>(
         &self,
         values: impl IntoIterator<Item = (&'a str, ParameterValue)>,

@@ -6,11 +6,12 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum OnOverrun {
-    /// Drop the missed releases; continue with the next future release on the grid.
+    /// Drop the missed releases, and continue with the next release on the original time grid.
     Skip,
-    /// Run the missed releases immediately, one after the other, until the component is back on the grid.
+    /// Run the missed releases immediately, one after the other, until the component is back on its original
+    /// time grid.
     CatchUp,
-    /// Restart the grid at the end of the late step.
+    /// Restart the time grid of the releases at the end of the late step.
     Rephase,
     /// Same as `skip`, and withhold the outputs of the late step: readers keep the previous value.
     Hold,
@@ -22,13 +23,13 @@ pub enum OnOverrun {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum OnError {
-    /// The component fails; `restart` and `on_failure` take effect.
+    /// The component fails, and its policies `restart` and `on_failure` take effect.
     Fail,
     /// Report and count the error. The component continues, and its readers keep the previous value.
     Hold,
 }
 
-/// Policy for a component that has failed and is not restarted, or not again.
+/// Policy for a component that has failed and will not be restarted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum OnFailure {
@@ -59,14 +60,16 @@ pub struct RestartPlan {
     pub at_most: u32,
     /// Time window over which restarts are counted, ns.
     pub window_ns: u64,
-    /// Time within which a restarted component must step again, ns. Otherwise it counts as failed again.
+    /// Time within which a restarted component must complete a step, ns. A component that takes longer counts
+    /// as failed again.
     pub within_ns: u64,
 }
 
-/// Limits of one component: time without a step, computing time, and lost steps.
+/// Limits that detect a component which hangs or falls behind: time without a step, computing time, and lost
+/// steps.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct LivenessPlan {
-    /// Time without a due step after which the component counts as hung, ns.
+    /// Time for which a due step may be missing before the component counts as hung, ns.
     pub hang_after_ns: u64,
     /// Time for which the component may compute without sleeping before the kernel kills it, ns; `None`
     /// unless its class is `SCHED_FIFO`.

@@ -37,7 +37,8 @@ pub struct Plan {
     /// Episodes of the run; `None` if it is not divided into episodes.
     #[serde(default)]
     pub episodes: Option<EpisodesPlan>,
-    /// Components in the order of the file. Other parts of the plan refer to a component by its index here.
+    /// Components in the order of the file. All parts of the plan refer to a component by its index in this
+    /// list.
     pub components: Vec<ComponentPlan>,
     /// Topics in the order of their first mention in the file.
     pub topics: Vec<TopicPlan>,
@@ -50,26 +51,27 @@ pub struct Plan {
     /// Conditions that the report of the run must satisfy.
     #[serde(default)]
     pub expectations: Vec<Expectation>,
-    /// Minimum capacity of each component's trace, in events. Unread events beyond the capacity are lost. 0
-    /// if the run is not traced.
+    /// Minimum capacity of each component's trace, in events; 0 if the run is not traced. Unread events
+    /// beyond the capacity are lost.
     #[serde(default)]
     pub trace_events: usize,
 }
 
 impl Plan {
-    /// Returns the safety rules of an actuator: its own rules if the graph sets any, otherwise the graph's.
+    /// Returns the safety rules of an actuator: its own rules if its table sets any, otherwise the rules in
+    /// the graph's `[safety]` table.
     pub fn safety_of(&self, component: &ComponentPlan) -> ActuatorSafety {
         component.safety.unwrap_or_else(|| self.safety.of_actuators())
     }
 
-    /// Returns the longest time for which an actuator stays in its safe state before it is stopped, ns. The
-    /// result is not less than the graph's `settle_ns`.
+    /// Returns the longest time for which any actuator of the graph stays in its safe state before it is
+    /// stopped, ns. The result is not less than the graph's `settle_ns`.
     pub fn settle_ns(&self) -> u64 {
         let own = self.components.iter().filter_map(|component| Some(component.safety?.settle_ns));
         own.fold(self.safety.settle_ns, u64::max)
     }
 
-    /// Returns the component that begins the episodes of a run in real time, or `None`.
+    /// Returns the component that begins the episodes of a run in real time, or `None` if no component does.
     pub fn episode_driver(&self) -> Option<&ComponentPlan> {
         self.components.iter().find(|component| component.begins_episodes)
     }
@@ -78,7 +80,8 @@ impl Plan {
 /// The episodes of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct EpisodesPlan {
-    /// Number of episodes. Each lasts for the duration of the plan, or until a component ends it.
+    /// Number of episodes. An episode lasts for the duration of the plan, or until a component ends the
+    /// episode.
     pub count: u64,
     /// If true, the seed of each episode is the plan's seed plus the episode's index; otherwise it is the
     /// plan's seed.
@@ -105,7 +108,7 @@ pub(crate) fn component_seed(seed: u64, name: &str) -> u64 {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum OnDenied {
-    /// Run without them, and print one line that lists the denied requests.
+    /// Run without the denied settings, and print one line that lists the denied requests.
     Warn,
     /// Refuse to run.
     Strict,
@@ -133,7 +136,7 @@ pub enum Spin {
     },
     /// A time that adapts to the wake-up errors measured on the machine.
     Tuned {
-        /// Upper limit of the time, ns.
+        /// Upper limit of the adapted time, ns.
         at_most_ns: u64,
     },
 }
@@ -156,7 +159,7 @@ pub enum Program {
         /// Name of the kind.
         kind: String,
     },
-    /// A kind that another installed program contains.
+    /// A kind that a separate installed program contains.
     Sibling {
         /// Name of the kind.
         kind: String,
@@ -198,7 +201,8 @@ pub enum Activation {
 }
 
 impl Activation {
-    /// Returns the nominal time between two steps, ns. For a sporadic component this is the minimum time.
+    /// Returns the nominal time between two steps, ns. For a sporadic component, this is the minimum interval
+    /// between two releases.
     pub fn period_ns(&self) -> u64 {
         match *self {
             Self::Periodic { period_ns, .. } | Self::Triggered { period_ns, .. } => period_ns,
@@ -274,8 +278,8 @@ pub struct ComponentPlan {
     pub spin: Spin,
     /// Scheduling class.
     pub class: SchedulingClass,
-    /// Amount by which the component's priority exceeds the priority of the head of its trigger chain on the
-    /// same core. With a higher priority, a triggered component runs before the component that triggered it
+    /// Amount by which the component's priority exceeds the priority of the first component in its trigger
+    /// chain on the same core. If this is above 0, the component runs before the component that triggered it
     /// continues.
     #[serde(default)]
     pub rise: u8,
@@ -294,7 +298,8 @@ pub struct ComponentPlan {
     pub folder: PathBuf,
     /// Robot assigned to the component, or `None`.
     pub robot: Option<RobotReference>,
-    /// Robots assigned to the component by `robots`; empty otherwise.
+    /// Robots listed under the component's key `robots`; empty if the component has a single `robot` or no
+    /// robot.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub robots: Vec<RobotReference>,
     /// True if the component applies commands to a robot.
@@ -334,8 +339,8 @@ pub struct ComponentPlan {
     /// [`STOP_WITHIN_NS`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stop_within_ns: Option<u64>,
-    /// Position of the component in the fixed order of a lockstep tick. Writers precede the readers that they
-    /// trigger.
+    /// Position of the component in the fixed order of a lockstep tick. A component comes before the
+    /// components that it triggers.
     pub order: usize,
 }
 
@@ -344,8 +349,9 @@ pub const STOP_WITHIN_NS: u64 = 2_000_000_000;
 
 impl Plan {
     /// Returns the component that can block this component's core for the longest time by computing
-    /// endlessly, and the time after which the kernel kills it, ns. Returns `None` if no component can: lower
-    /// priorities never block a core, and `SCHED_DEADLINE` components only get their budget in every period.
+    /// endlessly, and the time after which the kernel kills the blocking component, ns. Returns `None` if no
+    /// component can block the core: components of lower priority never block it, and a `SCHED_DEADLINE`
+    /// component only gets its budget in every period.
     pub fn longest_hold_up(&self, component: usize) -> Option<(usize, u64)> {
         let held = &self.components[component];
         let priority = |component: &ComponentPlan| match component.class {
@@ -373,8 +379,8 @@ impl Plan {
         self.emergency_stops().any(|stop| stop == topic)
     }
 
-    /// Returns the edges of the graph as pairs of topic index and reader index, ordered by topic and then by
-    /// reader. A component that reads a topic through several ports is one edge.
+    /// Returns the edges of the graph as pairs of a topic index and the index of a reading component, ordered
+    /// by topic and then by reader. A component that reads a topic through several ports counts as one edge.
     pub fn edges(&self) -> Vec<(usize, usize)> {
         let mut edges = Vec::new();
         for (index, topic) in self.topics.iter().enumerate() {
@@ -387,8 +393,8 @@ impl Plan {
         edges
     }
 
-    /// Returns the index of the pin that an input uses: the input's index among the ports that read the same
-    /// topic; 0 for an unwired input.
+    /// Returns the index of the pin (the reader's slot in a topic) that an input uses. It is the input's
+    /// index among all ports that read its topic; 0 for an unwired input.
     pub fn pin(&self, component: usize, input: usize) -> usize {
         let inputs = &self.components[component].inputs;
         let Some(topic) = inputs[input].topic else { return 0 };

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum SafeState {
-    /// Hold the position at the time when the command became stale, with at least the profile's gains.
+    /// Hold the position that the joint had when its command became stale, with at least the profile's gains.
     Hold,
     /// Damp the motion, without a position setpoint.
     Damp,
@@ -22,7 +22,7 @@ pub enum SafeState {
 pub enum LimitPolicy {
     /// Apply the command as far as the limits allow.
     Clamp,
-    /// Refuse the command, and apply the safe state instead.
+    /// Refuse the command, and apply the safe state.
     Refuse,
 }
 
@@ -30,13 +30,13 @@ pub enum LimitPolicy {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ResumeRule {
-    /// Move from the held pose towards the commands, initially at half of the velocity and acceleration
-    /// limits and later faster, then apply the commands. If the setpoint is within reach, apply them
-    /// immediately.
+    /// Move from the held pose towards the commanded setpoints, initially at half of the velocity and
+    /// acceleration limits and later faster, then apply the commands. If the setpoints are within reach,
+    /// apply the commands immediately.
     Near,
-    /// Stay in the safe state until `motorium resume`, then continue as for `near`.
+    /// Stay in the safe state until the user runs `motorium resume`, then continue as for `near`.
     Latch,
-    /// Apply the commands immediately, at any distance.
+    /// Apply the commands immediately, at any distance between the held pose and the commanded setpoints.
     AtOnce,
 }
 
@@ -70,8 +70,8 @@ pub struct SafetyPlan {
     /// Maximum age of the newest value of the emergency-stop topic, ns; 0 disables the limit.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub emergency_stop_max_age_ns: u64,
-    /// If true, invalid commands of one robot put the other robots of its actuator into their safe state,
-    /// too.
+    /// If true, an invalid command for one robot puts all robots of the same actuator into their safe state.
+    /// If false, each robot enters its safe state independently.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub stop_together: bool,
 }
@@ -87,7 +87,8 @@ pub struct ActuatorSafety {
     /// Rules of the actuator's gates.
     #[serde(flatten)]
     pub gate: GateRules,
-    /// Time for which the actuator stays in the safe state if it must end without the launcher, ns.
+    /// Time for which the actuator stays in the safe state before it ends, if it must end without the
+    /// launcher, ns.
     pub settle_ns: u64,
 }
 

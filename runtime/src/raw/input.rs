@@ -12,7 +12,7 @@ use crate::transport::{Connect, InputPlace, Participant, PortError, refused};
 /// An input port that reads the newest value of a topic of any type, in place, as bytes in the topic's
 /// layout.
 ///
-/// For code that forwards values without knowing their type. Declare it with
+/// Intended for code that forwards values without knowing their type. Declare the port with
 /// [`Declare::raw_input`](crate::declare::Declare::raw_input).
 #[derive(Debug)]
 pub struct RawInput {
@@ -104,7 +104,8 @@ impl RawInput {
         Some(reading)
     }
 
-    /// Returns the value that was read last, even if there is a newer one.
+    /// Returns the value that was read last, even if the topic has a newer value. Returns `None` before the
+    /// first read.
     pub fn current(&self) -> Option<RawReading<'_>> {
         if !self.effects.is_of_this_episode() {
             return None;

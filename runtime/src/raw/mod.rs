@@ -1,8 +1,8 @@
 //! Ports for types that are only known at run time.
 //!
 //! [`RawInput`] and [`RawOutput`] transfer states as bytes; [`RawStreamInput`] and [`RawStreamOutput`]
-//! transfer streams of values and of slices. Layouts are compared as for typed ports, and published content
-//! is checked by its layout.
+//! transfer streams of values and of slices. As for typed ports, the layouts of all ports on a topic must be
+//! equal. Published content is checked according to its layout.
 
 mod input;
 mod output;

@@ -95,7 +95,7 @@ impl RawOutput {
     /// Checks the content of a value without publishing it.
     ///
     /// # Errors
-    /// Returns the first defect.
+    /// Returns the first defect of the content.
     pub fn check(&self, bytes: &[u8]) -> Result<(), ContentDefect> {
         self.check.check(bytes)
     }
@@ -105,13 +105,13 @@ impl RawOutput {
     ///
     /// # Errors
     /// A number is not finite, a count exceeds its array, the size differs from the size of the type, or the
-    /// step is past its deadline. Nothing is published then.
+    /// step is past its deadline. In each case nothing is published.
     pub fn publish(&mut self, bytes: &[u8]) -> Result<(), RawError> {
         self.finish(bytes, None)
     }
 
-    /// Publishes a copy of a value like [`publish`](Self::publish), with an explicit source time, ns on the
-    /// clock of stamps. See [`Loan::publish_from`](crate::transport::Loan::publish_from).
+    /// Publishes a copy of a value like [`publish`](Self::publish), but with an explicit source time, ns on
+    /// the clock of stamps. See [`Loan::publish_from`](crate::transport::Loan::publish_from).
     ///
     /// # Errors
     /// Same as [`publish`](Self::publish), or the source time is more than 1 ms in the future.

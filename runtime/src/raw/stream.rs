@@ -115,7 +115,7 @@ impl RawStreamInput {
         Some(reading)
     }
 
-    /// Returns the value that was read last.
+    /// Returns the value or slice that was read last.
     pub fn current(&self) -> Option<RawSlice<'_>> {
         let wired = self.wired.as_ref().filter(|_| self.effects.is_of_this_episode())?;
         let (stamp, bytes) = wired.queue.current()?;
@@ -189,10 +189,11 @@ impl RawStreamOutput {
         if let TopicPattern::Slices { longest, .. } = self.pattern { longest } else { 1 }
     }
 
-    /// Checks the content of a value, or of all elements of a slice, without publishing it.
+    /// Checks the content of a value, or of all elements of a slice, without publishing anything.
     ///
     /// # Errors
-    /// Returns the first defect in the content, or an error if the number of elements does not fit the port.
+    /// Returns the first defect in the content, or [`RawError::Length`] if the number of elements does not
+    /// fit the port.
     pub fn check(&self, bytes: &[u8]) -> Result<(), RawError> {
         let found = bytes.len() / self.layout.size.max(1);
         let fits = match self.pattern {
@@ -209,15 +210,15 @@ impl RawStreamOutput {
     /// components that the topic triggers.
     ///
     /// # Errors
-    /// Nothing is published if a number is not finite, a count exceeds its array, or the slice is longer than
-    /// declared or ends within an element. The same applies if the step is past its deadline or readers still
-    /// use all samples.
+    /// A number is not finite, a count exceeds its array, the slice is longer than declared or ends within an
+    /// element, the step is past its deadline, or readers still use all samples. In each case nothing is
+    /// published.
     pub fn publish(&mut self, bytes: &[u8]) -> Result<(), RawError> {
         self.finish(bytes, None)
     }
 
-    /// Publishes a value or slice like [`publish`](Self::publish), with an explicit source time, ns on the
-    /// clock of stamps. See [`Loan::publish_from`](crate::transport::Loan::publish_from).
+    /// Publishes a value or slice like [`publish`](Self::publish), but with an explicit source time, ns on
+    /// the clock of stamps. See [`Loan::publish_from`](crate::transport::Loan::publish_from).
     ///
     /// # Errors
     /// Same as [`publish`](Self::publish), or the source time is more than 1 ms in the future.

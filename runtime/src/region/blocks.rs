@@ -14,7 +14,7 @@ use crate::telemetry::Histogram;
 /// The cause of a missed step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum MissCause {
-    /// The component was ready to run, but another thread of the operating system occupied its core.
+    /// The component was ready to run, but a different thread of the operating system occupied its core.
     LateWake,
     /// The step itself lasted too long.
     LongStep,
@@ -38,7 +38,7 @@ pub struct Misses {
     pub late_input: u64,
     /// Releases that the overrun policy dropped.
     pub skipped: u64,
-    /// Steps that lasted longer than the budget, late or not.
+    /// Steps that lasted longer than the budget, whether or not they ended late.
     pub over_budget: u64,
 }
 
@@ -80,24 +80,24 @@ pub struct ComponentBlock {
     /// Lockstep: number of times that the component was called to a tick. The component sleeps on this word.
     /// Written by the party that passes the turn.
     tick_calls: AtomicU32,
-    /// Lockstep: simulated time of the tick, ns. Written by the party that passes the turn.
+    /// Lockstep: simulated time of the tick, ns. Written by the component or launcher that passes the turn.
     pub tick_time_ns: AtomicU64,
     /// Lockstep: 1 if the tick is a reset for the episode in the header, 0 if it is a step. Written by the
-    /// party that passes the turn.
+    /// component or launcher that passes the turn.
     pub tick_resets: AtomicU32,
-    /// 1 if the program that launched the run stands in for the component, which then never steps. Written by
-    /// the launcher.
+    /// 1 if the program that launched the run publishes in place of the component, which then never steps.
+    /// Written by the launcher.
     pub played: AtomicU32,
     /// Number of steps completed before the current episode of simulated time.
     pub episode_first: AtomicU64,
     /// Index of the episode that the component entered last.
     pub(crate) episode: AtomicU64,
     /// Lockstep: number of publications on the trigger topic that the component had seen at its last tick.
-    /// Written by the party that passes the turn.
+    /// Written by the component or launcher that passes the turn.
     pub trigger_seen: AtomicU64,
-    /// Number of steps begun, across restarts; one more than `steps` during a step.
+    /// Number of steps begun, summed over restarts; one more than `steps` during a step.
     pub begun: AtomicU64,
-    /// Number of steps completed, across restarts.
+    /// Number of steps completed, summed over restarts.
     pub steps: AtomicU64,
     /// Start of the first step, on the run's clock, ns.
     pub first_step_ns: AtomicU64,
@@ -137,10 +137,11 @@ pub struct ComponentBlock {
     pub spin_ns: AtomicU64,
     /// 1 if the stepping thread runs under `SCHED_DEADLINE`, as read back from the kernel.
     pub deadline: AtomicU32,
-    /// `SCHED_FIFO` priority of the stepping thread, as read back from the kernel; 0 for other classes.
+    /// `SCHED_FIFO` priority of the stepping thread, as read back from the kernel; 0 if its class is not
+    /// `SCHED_FIFO`.
     pub fifo_priority: AtomicU32,
-    /// Mask of the cores on which the stepping thread may run, as read back from the kernel; the first 32
-    /// cores.
+    /// Bit mask of the cores on which the stepping thread may run, as read back from the kernel. Covers the
+    /// first 32 cores.
     pub cores: AtomicU32,
     /// 1 if the memory of the process is locked, as read back from the kernel.
     pub memory_locked: AtomicU32,
@@ -175,7 +176,7 @@ impl ComponentBlock {
         crate::os::futex_wake(&self.phase);
     }
 
-    /// Returns the word to wait on for the next phase.
+    /// Returns the futex word on which a process waits for the next phase.
     pub fn phase_word(&self) -> &AtomicU32 {
         &self.phase
     }
@@ -283,7 +284,7 @@ impl ComponentBlock {
         self.checkpoint.forget();
     }
 
-    /// Deletes the saved failure before a restart.
+    /// Deletes the saved failure. Called before a restart.
     pub fn forget_failure(&self) {
         self.end[0].store(0, Release);
     }

@@ -1,4 +1,4 @@
-//! Counters of a control block.
+//! Counters in a control block, which is the shared memory for the state and statistics of a run.
 
 use std::sync::atomic::AtomicU64;
 use std::sync::atomic::Ordering::Relaxed;

@@ -24,7 +24,7 @@ pub enum End {
     Failed,
     /// The component panicked.
     Panicked(PanicOrigin),
-    /// The component did not start a due step, or did not complete a step, within `hang_after`.
+    /// The component hung: within `hang_after`, it did not start a due step or did not complete a step.
     Hung(Hang),
     /// The component did not complete a step in time after a restart.
     NotStepping {
@@ -33,7 +33,7 @@ pub enum End {
     },
 }
 
-/// The code in which a panic occurred.
+/// The code in which a panic of a component occurred.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PanicOrigin {
     /// The component, or a library that it uses.
@@ -72,7 +72,7 @@ pub enum Activity {
 }
 
 impl Activity {
-    /// Converts the letter by which the kernel reports the state of a thread.
+    /// Converts a thread state as reported by the kernel, such as `R` (running) or `S` (sleeping).
     pub fn from_kernel(state: Option<char>) -> Self {
         match state {
             Some('T' | 't') => Self::Stopped,
@@ -212,7 +212,7 @@ impl fmt::Display for Hang {
     }
 }
 
-/// A failure of a component, with the step at which it occurred.
+/// A failure of a component: the step in which it occurred, its cause and its text.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Failure {
     /// Index of the step in which the component failed, or of its next step if it failed between two steps.

@@ -20,8 +20,8 @@ pub enum GateState {
     /// The gate applies the safe state.
     #[default]
     Safe = 0,
-    /// The gate moves from the held pose to fresh commands at limited rates, until it reaches their
-    /// setpoints.
+    /// The gate moves the joints at limited rates from the held pose towards the setpoints of fresh commands,
+    /// until it reaches them.
     Resuming = 1,
     /// The gate applies the commands, within the limits.
     Following = 2,
@@ -84,22 +84,22 @@ impl LimitKind {
     ];
 }
 
-/// Reason why a gate did not apply a command at all.
+/// Reason why a gate refused a command.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 #[repr(u32)]
 pub enum Refusal {
-    /// A number is not finite, or the count of joints exceeds the capacity of the buffer.
+    /// A number in the command is not finite, or the count of joints exceeds the capacity of the buffer.
     Content = 0,
     /// The number of joints differs from the gate's number of joints.
     Count = 1,
     /// A gain is negative.
     NegativeGain = 2,
-    /// A limit was exceeded, and the graph sets `limits = "refuse"`.
+    /// A joint limit was exceeded, and the graph sets `limits = "refuse"`.
     Limits = 3,
     /// The stamp is more than 1 ms in the future.
     Future = 4,
-    /// The command is older than the previous command.
+    /// The command was published before the last command that the gate checked.
     Sequence = 5,
     /// The measurement from which the command was computed is older than `source_stale_after`.
     StaleSource = 6,
@@ -153,7 +153,7 @@ impl GateBlock {
         self.joints.store(count, Release);
     }
 
-    /// Sets the state and the latch. They apply from `now_ns` on.
+    /// Sets the state and the latch of the gate, which apply from `now_ns` on.
     pub fn set(&self, state: GateState, latch: Option<Latch>, now_ns: u64) {
         self.safe_ns.store(self.safe_ns(now_ns), Relaxed);
         self.since_ns.store(now_ns.max(1), Relaxed);
@@ -177,7 +177,7 @@ impl GateBlock {
         self.unsettled.fetch_add(1, Relaxed);
     }
 
-    /// Counts a recovery that lasted too long.
+    /// Counts a recovery that lasted longer than [`RESUME_WITHIN`](crate::safety::RESUME_WITHIN).
     pub fn count_late_resume(&self) {
         self.late_resumes.fetch_add(1, Relaxed);
     }
@@ -253,7 +253,7 @@ impl GateBlock {
         core::array::from_fn(|reason| self.refused[reason].load(Relaxed))
     }
 
-    /// Returns how often the gate entered the safe state after a command had been applied.
+    /// Returns the number of times that the gate entered the safe state after a command had been applied.
     pub fn entries(&self) -> u64 {
         self.entries.load(Relaxed)
     }
@@ -299,9 +299,10 @@ pub struct GateReport {
     pub latch: Option<Latch>,
     /// Number of times that the gate entered the safe state after a command had been applied.
     pub entries: u64,
-    /// Limits that commands exceeded, per joint. Such commands are clamped, or refused if configured.
+    /// Limits that commands exceeded, per joint. Such commands are clamped, or refused if the graph sets
+    /// `limits = "refuse"`.
     pub limited: Vec<Limited>,
-    /// Commands that were not applied, by reason.
+    /// Numbers of refused commands, by reason.
     pub refused: Vec<Refused>,
 }
 

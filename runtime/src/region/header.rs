@@ -14,7 +14,7 @@ use super::{Latch, TurnBlock};
 pub enum Command {
     /// Configure the component, open all ports, and enter the phase `Ready`.
     Configure = 0,
-    /// Connect the ports, all of which exist by now, and enter the phase `Connected`.
+    /// Connect the ports, which all components have opened by now, and enter the phase `Connected`.
     Connect = 1,
     /// Start stepping.
     Run = 2,
@@ -72,7 +72,7 @@ pub struct Header {
     command: AtomicU32,
     /// Start of the run on `CLOCK_MONOTONIC`, ns.
     pub start_ns: AtomicU64,
-    /// Index of the current episode, on the cache line that workers read in every step.
+    /// Index of the current episode. The field is on the cache line that workers read in every step.
     pub episode: AtomicU64,
     /// Process id of the launcher.
     pub launcher: AtomicU32,
@@ -97,13 +97,13 @@ pub struct Header {
     episode_over: AtomicU64,
     /// 1 while simulated time is paused. Written by tools, and by the program that drives the run.
     paused: AtomicU32,
-    /// Number of rounds granted to the paused run since its start. Written by tools.
+    /// Number of rounds that tools have granted to the paused run since its start. Written by tools.
     pub rounds_granted: AtomicU64,
     /// Number of rounds that the run has executed while paused, since its start.
     pub rounds_taken: AtomicU64,
     /// Lockstep: simulated time reached in the current episode, ns.
     pub reached_ns: AtomicU64,
-    /// Lockstep: the right to step.
+    /// Lockstep: the turn, which is the right to step.
     pub turn: TurnBlock,
 }
 
@@ -118,7 +118,7 @@ struct StartBlock {
 /// Start of an episode: index, seed and time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct EpisodeStart {
-    /// Index of the episode, from 0.
+    /// Index of the episode, counted from 0.
     pub index: u64,
     /// Seed of the episode.
     pub seed: u64,
@@ -137,21 +137,22 @@ impl Header {
         Command::from_word(self.command.load(Acquire))
     }
 
-    /// Returns the word that workers wait on for the next command.
+    /// Returns the futex word on which workers wait for the next command.
     pub fn command_word(&self) -> &AtomicU32 {
         &self.command
     }
 
-    /// Orders all workers to execute a command. Has no effect if a command that follows it in [`Command`] was
-    /// ordered before. For example, a late safe stop from a component or the guard does not replace a stop.
+    /// Orders all workers to execute a command. Has no effect if a later command in the order of [`Command`]
+    /// has already been ordered. For example, a late `SafeStop` from a component or the guard does not
+    /// replace a `Stop`.
     pub fn order(&self, command: Command) {
         self.command.fetch_max(command as u32, AcqRel);
         crate::os::futex_wake(&self.command);
     }
 
-    /// Ends an episode at the end of the current round. Has no effect if that episode has already ended, even
-    /// if the next episode has begun: in real time, the calling component may not have entered the next one
-    /// yet.
+    /// Ends the episode with index `episode` at the end of the current round. Has no effect if this episode
+    /// has already ended, even if the next episode has begun. This matters in real time, where the calling
+    /// component may enter the next episode later than other components.
     pub fn end_episode(&self, episode: u64) {
         self.episode_over.store(episode.wrapping_add(1), Relaxed);
     }

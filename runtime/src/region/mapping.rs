@@ -135,8 +135,8 @@ impl Region {
         Counts::from_plan(plan).bytes()
     }
 
-    /// Returns `true` if the control block has as many blocks of each type as the plan requires. This may be
-    /// `false` for a damaged control block.
+    /// Returns `true` if the control block has as many blocks of each type as the plan requires. Returns
+    /// `false` if the control block is damaged.
     pub fn fits(&self, plan: &Plan) -> bool {
         self.counts == Counts::from_plan(plan)
     }
@@ -144,7 +144,7 @@ impl Region {
     /// Creates the control block for a run of a plan.
     ///
     /// # Errors
-    /// The file cannot be created, because it exists or because of missing space or permission.
+    /// The file cannot be created: it already exists, or space or permission is missing.
     pub fn create(path: &Path, plan: &Plan) -> Result<Self, RegionError> {
         let counts = Counts::from_plan(plan);
         let io = |source| RegionError::Io { path: path.to_path_buf(), source };

@@ -1,9 +1,9 @@
 //! The trace of a run: a ring of step events per component, in the control block of a traced run.
 //!
-//! A ring is wait-free, with one writer, the worker of its component, and any number of readers. An event has
-//! four words, and `written` counts complete events. The next event replaces the oldest one. A reader
-//! therefore accepts an event only if `written`, read after the words, shows that its slot was not the next
-//! to be written.
+//! A ring is wait-free. Its only writer is the worker of its component; the number of readers is unlimited.
+//! An event has four words, and `written` counts complete events. The next event replaces the oldest event. A
+//! reader therefore reads `written` after the words of an event, and accepts the event only if its slot was
+//! not the next slot to be written.
 
 use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
 use std::sync::atomic::{AtomicU64, fence};
@@ -36,12 +36,13 @@ pub(super) struct TraceRing<'a> {
     pub(super) slots: &'a [TraceSlot],
 }
 
-/// An event in the trace of a component. The event of a step follows the publications and reads in that step.
+/// An event in the trace of a component. The event of a step comes after the events of publications and reads
+/// in the same step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TraceEvent {
     /// A step has ended.
     Step {
-        /// Index of the step, from 0, across restarts and episodes.
+        /// Index of the step, counted from 0, across restarts and episodes.
         number: u64,
         /// Release time, ns on the clock of stamps (simulated time in lockstep).
         release_ns: u64,

@@ -1,4 +1,4 @@
-//! The writer of a component's trace in its worker, and the readers elsewhere.
+//! The two ends of a component's trace: the writer in the component's worker, and the readers in tools.
 
 use std::cell::Cell;
 use std::rc::Rc;
@@ -61,8 +61,8 @@ pub struct TraceReader {
 }
 
 impl TraceReader {
-    /// Creates a reader for the component with index `component` in the plan. It starts with the oldest event
-    /// in the trace.
+    /// Creates a reader for the component with index `component` in the plan. The reader starts with the
+    /// oldest event in the trace.
     pub fn new(component: usize) -> Self {
         Self { component, read: 0, lost: 0 }
     }

@@ -3,7 +3,7 @@
 //! The launcher passes the turn to the first component of a round. After its step, each holder passes the
 //! turn to the next due component, in this round or the next, without waking the launcher. A holder that may
 //! not continue returns the turn to the launcher. If a process dies while it holds the turn, the launcher
-//! detects this and takes the turn back.
+//! detects the death and takes the turn back.
 
 use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
 use std::sync::atomic::{AtomicU32, AtomicU64};

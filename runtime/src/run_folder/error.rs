@@ -16,17 +16,17 @@ pub enum RunFolderError {
         /// Error of the operating system.
         source: std::io::Error,
     },
-    /// Other users could access the folder.
+    /// The folder is not private: other users could access it.
     #[error("{path} is {found}, expected a folder that only this user can access; {advice}", path = .path.display())]
     NotPrivate {
         /// Path of the folder.
         path: PathBuf,
-        /// The state that was found.
+        /// Type, owner or permissions of the folder, as found.
         found: String,
         /// Advice in one sentence.
         advice: String,
     },
-    /// The plan was written by another version of motorium, or is damaged.
+    /// The plan was written by a version of motorium other than this one, or is damaged.
     #[error("{path} is not a plan of this version of motorium: {reason}")]
     Plan {
         /// Path of the plan.

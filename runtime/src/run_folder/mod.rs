@@ -25,8 +25,8 @@ const YOUNG: Duration = Duration::from_secs(5);
 /// The folder of one run: `$XDG_RUNTIME_DIR/motorium/RUN` if that variable is set, otherwise
 /// `/dev/shm/motorium-UID/RUN`. It is stored in memory, private to the user, and removed when the run ends.
 ///
-/// The launcher and its guard hold a [lock](Lock) on the folder, which the system releases when they end. The
-/// lock shows in any process namespace whether the run is alive.
+/// The launcher and its guard hold a [lock](Lock) on the folder, which the system releases when they end.
+/// From any process namespace, the lock shows whether the run is alive.
 #[derive(Debug, Clone)]
 pub struct RunFolder {
     path: PathBuf,
@@ -91,7 +91,7 @@ impl RunFolder {
     /// Locks the run: while this value or a clone of it exists, the run is alive.
     ///
     /// # Errors
-    /// The folder no longer exists, or no descriptor is available.
+    /// The folder has been removed, or no descriptor is available.
     pub fn hold(&mut self) -> Result<(), RunFolderError> {
         let (folder, objects) = self.lock_files()?;
         let hold = |path: &Path| Lock::hold(path).map_err(io(path));
@@ -111,7 +111,8 @@ impl RunFolder {
         Self { path: path.to_path_buf(), id, locks: None }
     }
 
-    /// Returns the folder that contains new runs. If it exists, checks that it is private.
+    /// Returns the folder that contains the folders of this user's new runs. If the folder exists, checks
+    /// that it is private.
     ///
     /// # Errors
     /// The folder is not private to this user.
@@ -130,7 +131,8 @@ impl RunFolder {
         Self::list().into_iter().find(|run| run.id == id)
     }
 
-    /// Returns all runs of this user, newest first, alive or abandoned by a crash.
+    /// Returns all runs of this user, newest first. Includes runs that are alive and runs that a crash left
+    /// behind.
     pub fn list() -> Vec<Self> {
         // A location that other users could have written to contains no run of this user.
         let places = place::all().into_iter().filter(|path| place::check(path).is_ok());
@@ -207,7 +209,7 @@ impl RunFolder {
         write_private(&file, result.to_string().as_bytes()).map_err(io(&file))
     }
 
-    /// Returns the saved result of a component, or `None` if it saved none.
+    /// Returns the saved result of a component, or `None` if the component saved no result.
     pub fn result(&self, component: &str) -> Option<serde_json::Value> {
         serde_json::from_slice(&fs::read(self.result_file(component)).ok()?).ok()
     }
@@ -217,7 +219,7 @@ impl RunFolder {
     }
 
     /// Removes the objects of the domain, the control block and the folder from shared memory. Returns the
-    /// removed objects of the domain. Only call it for runs without processes.
+    /// removed objects of the domain. Only call this function for runs without processes.
     pub fn remove(&self) -> Vec<PathBuf> {
         let removed = self.domain().map(|domain| domain.remove()).unwrap_or_default();
         let _ = fs::remove_dir_all(&self.path);

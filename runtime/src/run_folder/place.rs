@@ -85,8 +85,7 @@ pub(super) fn check(path: &Path) -> Result<(), RunFolderError> {
         let advice = if is_mapped_elsewhere() {
             "this is a user namespace: set a separate folder, `XDG_RUNTIME_DIR=$(mktemp -d)`"
         } else {
-            "another user may have made it to see or to stop your runs; ask them, or root, to remove it, or set \
-             XDG_RUNTIME_DIR to a folder of your own with mode 700"
+            "another user may have created this folder to see or to stop your runs; ask this user or root to remove it, or set XDG_RUNTIME_DIR to a folder of your own with mode 700"
         };
         return refuse(format!("of user {}, not of {user}", metadata.uid()), advice.into());
     }

@@ -9,10 +9,10 @@ const SUSPENDED_NS: u64 = 1_000_000;
 /// The clock of message stamps, corrected for the time that the machine was suspended.
 ///
 /// Stamps use `CLOCK_MONOTONIC`, which stops while the machine is suspended, so a command from before a
-/// suspend would look fresh after it. Therefore the current time is read from `CLOCK_BOOTTIME`, minus the
-/// difference between the two clocks, which only a suspend changes. This still reads only one clock. When a
-/// command looks stale, the difference is measured again. If it has grown, the machine was suspended, and all
-/// commands from before are stale permanently.
+/// suspend would look fresh after it. The current time is therefore computed from `CLOCK_BOOTTIME`, minus the
+/// difference between the two clocks, which only a suspend changes. In this way only one clock is read per
+/// step. When a command looks stale, the difference is measured again. If the difference has grown, the
+/// machine was suspended, and all commands from before the suspend are permanently stale.
 #[derive(Debug, Clone, Copy)]
 pub struct SuspendClock {
     /// `CLOCK_BOOTTIME` minus `CLOCK_MONOTONIC`, ns.
@@ -53,23 +53,24 @@ impl SuspendClock {
     }
 }
 
-/// Result of checking a stamp.
+/// Result of checking the stamp of a command.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Age {
-    /// Recent enough to apply.
+    /// The command is recent enough to apply.
     Fresh,
-    /// Published too long ago.
+    /// The command was published too long ago.
     Stale,
-    /// Must not be applied, regardless of its age.
+    /// The command must not be applied, regardless of its age.
     Refused(Refusal),
 }
 
-/// Checks the stamps of commands for age, for times in the future, and for order.
+/// Checks the stamps of commands: their age, their order, and that their times are not in the future.
 #[derive(Debug, Clone, Copy)]
 pub struct Freshness {
-    /// A command published longer ago than this is stale, ns.
+    /// Maximum time since a command's publication, ns. Older commands are stale.
     pub stale_after_ns: u64,
-    /// A command computed from a measurement older than this is refused, ns.
+    /// Maximum age of the measurement from which a command was computed, ns. Commands from older measurements
+    /// are refused.
     pub source_stale_after_ns: u64,
     last: Option<(u32, u32, u64)>,
 }

@@ -23,10 +23,10 @@ const FADING_SHARE: f64 = 0.95;
 
 /// The command gate of one actuator, a state machine over its joints.
 ///
-/// Each step passes the newest fresh command to [`offer`](Self::offer), or calls
-/// [`make_safe`](Self::make_safe) if there is none. The drives then apply [`setpoints`](Self::setpoints). A
-/// command within all limits is forwarded bit for bit. Until the next command arrives, its positions are
-/// extrapolated with its velocities.
+/// In each step, the actuator passes the newest fresh command to [`offer`](Self::offer), or calls
+/// [`make_safe`](Self::make_safe) if there is no fresh command. The drives then apply
+/// [`setpoints`](Self::setpoints). A command within all limits is forwarded bit for bit. Until the next
+/// command arrives, its positions are extrapolated with its velocities.
 ///
 /// ```
 /// use motorium::plan::{GateRules, LimitPolicy, ResumeRule, SafeState};
@@ -100,7 +100,7 @@ impl Gate {
         self.rest = Rest::default();
     }
 
-    /// Returns the joints and their limits.
+    /// Returns the limits of all joints, in the order of the joints in each command.
     pub fn joints(&self) -> &[JointLimits] {
         &self.joints
     }
@@ -120,17 +120,18 @@ impl Gate {
         self.state
     }
 
-    /// Returns `true` if the safe state stays until [`release`](Self::release).
+    /// Returns `true` if the gate stays in its safe state until [`release`](Self::release) is called.
     pub fn is_latched(&self) -> bool {
         self.latched
     }
 
-    /// Keeps the safe state until [`release`](Self::release) if the graph sets `resume = "latch"`.
+    /// Latches the gate if the graph sets `resume = "latch"`: it then stays in its safe state until
+    /// [`release`](Self::release) is called.
     pub fn latch(&mut self) {
         self.latched = self.rules.resume == ResumeRule::Latch;
     }
 
-    /// Releases the latch.
+    /// Releases the latch, so that the gate can leave its safe state.
     pub fn release(&mut self) {
         self.latched = false;
     }
@@ -160,10 +161,10 @@ impl Gate {
         verdict
     }
 
-    /// Notes the joints whose drives the acceleration limit of their setpoint
-    /// ([`max_acceleration`](JointSetpoint::max_acceleration)) restrained in the last step, of `dt` s, which
-    /// ended at `position`. Call it before the next [`offer`](Self::offer), if the drives report it. A joint
-    /// that follows a command then counts as limited once per step.
+    /// Notes which joints their drives held back in the last step because of the acceleration limit in the
+    /// setpoint ([`max_acceleration`](JointSetpoint::max_acceleration)). The step lasted `dt` s and ended at
+    /// `position`. Call this function before the next [`offer`](Self::offer) if the drives report this. A
+    /// noted joint that follows a command counts as limited once per step.
     #[inline]
     pub fn note_restrained(
         &mut self,
@@ -222,7 +223,7 @@ impl Gate {
         }
     }
 
-    /// Applies the safe state, `dt` s after the previous step.
+    /// Applies the safe state for one step, `dt` s after the previous step.
     #[cold]
     #[inline(never)]
     pub fn make_safe(&mut self, measured: Measured<'_>, dt: f64) -> Verdict {

@@ -18,7 +18,7 @@ pub(super) const SLOWEST_LIMIT: f64 = 1e-3;
 
 /// Limits of one joint and its drive, and the gains of its safe states.
 ///
-/// The actuator reads them from the robot's model. Infinity means no limit.
+/// The actuator reads these values from the robot's model. Infinity means no limit.
 ///
 /// ```
 /// use motorium::safety::JointLimits;
@@ -47,13 +47,13 @@ pub struct JointLimits {
     /// Maximum position gain, N m/rad or N/m.
     pub max_kp: f64,
     /// Maximum velocity gain, N m s/rad or N s/m. A drive that updates its effort once per `dt` is stable up
-    /// to a gain of `2 inertia / dt`; use that value if the inertia is known.
+    /// to a gain of `2 inertia / dt`. Set this field to that gain if the inertia is known.
     pub max_kd: f64,
-    /// Position gain of the safe states, N m/rad or N/m. `hold` keeps a larger gain of the last command, up
-    /// to 16 times this one.
+    /// Position gain of the safe states, N m/rad or N/m. If the gain of the last command is larger, `hold`
+    /// keeps that gain, up to 16 times this value.
     pub kp: f64,
-    /// Velocity gain of the safe states, N m s/rad or N s/m. `hold` keeps a larger gain of the last command,
-    /// up to 20 times this one.
+    /// Velocity gain of the safe states, N m s/rad or N s/m. If the gain of the last command is larger,
+    /// `hold` keeps that gain, up to 20 times this value.
     pub kd: f64,
 }
 
@@ -167,8 +167,9 @@ impl JointLimits {
         if self.acceleration.is_finite() { self.acceleration } else { self.velocity / FULL_SPEED }
     }
 
-    /// Sets the effort limit, N m or N, and derives the maximum gains from it. They apply the full effort at
-    /// a position error of 10 mrad (or 10 mm) and at a velocity error of a thousandth of the velocity limit.
+    /// Sets the effort limit, N m or N, and derives the maximum gains from it. With `max_kp`, a position
+    /// error of 10 mrad (or 10 mm) requests the full effort; with `max_kd`, a velocity error of a thousandth
+    /// of the velocity limit does.
     #[must_use]
     pub fn with_effort(mut self, effort: f64) -> Self {
         self.effort = effort;

@@ -1,12 +1,12 @@
-//! The command gate: the last check of every command before an actuator applies it, and the safe states
-//! applied otherwise.
+//! The command gate: the last check of every command before an actuator applies it, and the safe states that
+//! an actuator applies without a valid command.
 //!
 //! # Layers
 //!
 //! [`Gate`] is the logic, a state machine over the joints without ports or clocks. [`Freshness`] and
 //! [`SuspendClock`] check stamps. [`enter`] and [`stay`] are the control laws of the safe states.
-//! [`CommandGate`] connects them to the input of an actuator, to the run's latch and to the statistics in the
-//! control block. An actuator only uses [`CommandGate`].
+//! [`CommandGate`] connects these parts to the input of an actuator, to the run's latch and to the statistics
+//! in the control block. An actuator only uses [`CommandGate`].
 //!
 //! # Order of the checks
 //!
@@ -15,8 +15,8 @@
 //! 3. The content: finite, the right count, gains that are not negative.
 //! 4. The limits: position, velocity, effort, gains, rates of change.
 //!
-//! If a command fails checks 1 to 3, the safe state is applied instead. A command that fails check 4 is
-//! clamped, or refused if the graph sets `limits = "refuse"`.
+//! If a command fails checks 1 to 3, the actuator applies the safe state instead of the command. A command
+//! that fails check 4 is clamped, or refused if the graph sets `limits = "refuse"`.
 
 mod account;
 mod arrival;

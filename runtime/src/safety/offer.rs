@@ -25,7 +25,7 @@ impl core::fmt::Debug for Measured<'_> {
     }
 }
 
-/// Verdict of one step.
+/// Result of one step of a gate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Verdict {
     /// The newest command is applied, within the limits.
@@ -34,7 +34,7 @@ pub enum Verdict {
     Resuming,
     /// The safe state is applied.
     Safe {
-        /// The safe state of the graph.
+        /// The safe state, as set in the graph.
         state: SafeState,
         /// True in the first step of the safe state.
         entered: bool,
@@ -48,7 +48,7 @@ pub struct Offer<'a> {
     pub command: &'a JointCommand,
     /// True if the command has not been offered in an earlier step.
     pub is_new: bool,
-    /// Time between the previous command's setpoints and the setpoints of this command, s. Rates of change
-    /// are computed over this time.
+    /// Time from the setpoints of the previous command to the setpoints of this command, s. The gate computes
+    /// rates of change over this time.
     pub ahead: f64,
 }

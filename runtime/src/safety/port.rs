@@ -38,8 +38,8 @@ struct Shown {
 /// The gate that checks the commands of an actuator at every step.
 ///
 /// A command is only applied while it is fresh, valid and within the limits, and the run is neither stopping
-/// nor latched. This does not depend on any other process being alive. Otherwise the gate applies the safe
-/// state of the graph. Each gate serves one command input; an actuator with two inputs needs two gates.
+/// nor latched. Otherwise the gate applies the safe state that the graph sets. These checks work even if all
+/// other processes are dead. Each gate serves one command input; an actuator with two inputs needs two gates.
 ///
 /// ```
 /// use motorium::prelude::*;
@@ -102,8 +102,8 @@ pub struct CommandGate {
 }
 
 impl Setup {
-    /// Creates the gate of a command input. `joints` is in the order of the joints in each command. Requires
-    /// that the component has declared [`actuator`](crate::declare::Declare::actuator).
+    /// Creates the gate of a command input. `joints` is in the order of the joints in each command. The
+    /// component must have declared [`actuator`](crate::declare::Declare::actuator).
     ///
     /// # Errors
     /// There are no joints or more than [`MAX_JOINTS`], or the emergency-stop topic cannot be joined.
@@ -112,7 +112,8 @@ impl Setup {
     }
 
     /// Creates the gates of an actuator that moves several robots: one gate per robot, each with its own
-    /// command input. A stale command stops its own robot, or all robots with `[safety] stop_together`.
+    /// command input. A stale command stops the robot that it is for, or all robots if the graph sets
+    /// `[safety] stop_together`.
     ///
     /// # Errors
     /// Same as [`command_gate`](Self::command_gate), or all gates together have more than [`MAX_JOINTS`]
@@ -175,7 +176,7 @@ impl CommandGate {
         self.gate.setpoints()
     }
 
-    /// Returns the joints and their limits.
+    /// Returns the limits of all joints, in the order of the joints in each command.
     pub fn joints(&self) -> &[JointLimits] {
         self.gate.joints()
     }
@@ -186,8 +187,8 @@ impl CommandGate {
         self.resumes
     }
 
-    /// Keeps the safe state from the next check on, until `motorium resume`. For faults that only the
-    /// actuator knows, such as a drive fault. The run is shown as latched.
+    /// Latches the gate: from the next check on, it stays in its safe state until `motorium resume`. Intended
+    /// for faults that only the actuator knows, such as a drive fault. The run is shown as latched.
     pub fn trip(&mut self) {
         self.tripped = true;
     }
@@ -203,15 +204,15 @@ impl CommandGate {
         (self.offered, self.stepped_ns, self.checked_ns, self.shown) = (None, 0, 0, None);
     }
 
-    /// Returns `true` while the gate keeps its safe state until `motorium resume`, for example after a
-    /// restart of the actuator with `resume = "latch"`. Motions that bypass the gate, such as homing, must
-    /// wait until this returns `false`.
+    /// Returns `true` while the gate is latched: it stays in its safe state until `motorium resume`, for
+    /// example after a restart of the actuator with `resume = "latch"`. Motions that bypass the gate, such as
+    /// homing, must wait until this returns `false`.
     pub fn is_latched(&self) -> bool {
         self.gate.is_latched()
     }
 
-    /// Resets the gate after the joint positions were unknown, for example after homing. The latch is kept,
-    /// unlike in [`reset`](Self::reset).
+    /// Resets the gate after the joint positions were unknown, for example after homing. Keeps the latch,
+    /// whereas [`reset`](Self::reset) clears it.
     pub fn relocate(&mut self) {
         let latched = self.gate.is_latched();
         self.reset();
@@ -221,8 +222,8 @@ impl CommandGate {
     }
 
     /// Applies the safe state without checking a command, and sets the [`setpoints`](Self::setpoints). Call
-    /// it instead of [`check`](Self::check) while the joint positions are unknown. Emergency stops and
-    /// `motorium resume` still take effect.
+    /// this function instead of [`check`](Self::check) while the joint positions are unknown. Emergency stops
+    /// and `motorium resume` take effect as in `check`.
     pub fn withhold(&mut self, measured: Measured<'_>) -> Verdict {
         let dt = self.step_time();
         let latch = self.latch();
@@ -231,24 +232,24 @@ impl CommandGate {
         verdict
     }
 
-    /// Notes the joints whose drives the acceleration limit of their setpoint restrained in the last step, of
-    /// `dt` s, which ended at `position`. Call it before [`check_for`](Self::check_for), if the drives report
-    /// it.
+    /// Notes which joints their drives held back in the last step because of the acceleration limit in the
+    /// setpoint. The step lasted `dt` s and ended at `position`. Call this function before
+    /// [`check_for`](Self::check_for) if the drives report this.
     #[inline]
     pub fn note_restrained(&mut self, restrained: &[bool], position: &[f64], dt: f64) {
         let account = GroupAccount::new(self.context.block(), self.first_joint);
         self.gate.note_restrained(restrained, position, dt, &account);
     }
 
-    /// Checks the newest command and sets the [`setpoints`](Self::setpoints) of this step. Call it once per
-    /// step.
+    /// Checks the newest command and sets the [`setpoints`](Self::setpoints) of this step. Call this function
+    /// once per step.
     pub fn check(&mut self, input: &mut Input<JointCommand>, measured: Measured<'_>) -> Verdict {
         let dt = self.step_time();
         self.check_for(input, measured, dt)
     }
 
-    /// Same as [`check`](Self::check), for a period of `dt` s of simulated time. An actuator that simulates
-    /// several periods in one late step calls it once per period.
+    /// Same as [`check`](Self::check), but for a period of `dt` s of simulated time. An actuator that
+    /// simulates several periods in one late step calls this function once per period.
     pub fn check_for(&mut self, input: &mut Input<JointCommand>, measured: Measured<'_>, dt: f64) -> Verdict {
         let stopping = self.context.is_stopping() || self.context.region().header().command() != Command::Run;
         let step_ns = self.context.clock().step_ns();

@@ -5,7 +5,7 @@ use crate::plan::SafeState;
 
 /// Speed below which a joint counts as at rest, rad/s or m/s.
 pub const REST_SPEED: f64 = 0.05;
-/// Maximum time in which `hold` and `brake` bring every joint to rest, s. If a joint is faster than
+/// Time within which `hold` and `brake` must bring every joint to rest, s. If a joint is still faster than
 /// [`REST_SPEED`] after this time, the safe state is reported as not reached.
 pub const REST_WITHIN: f64 = 1.0;
 

@@ -6,8 +6,8 @@
 //!
 //! A reference never gets near a command that keeps accelerating. Therefore the limits of the approach rise
 //! after [`GENTLE_FOR`], and from then on the approach ends as soon as the difference can fade within
-//! [`LONGEST_FADE`]. After [`PATIENT_FOR`] longer fades are allowed, up to the rest of [`RESUME_WITHIN`],
-//! with a larger share of the limits.
+//! [`LONGEST_FADE`]. After [`PATIENT_FOR`], fades may be longer, up to the rest of [`RESUME_WITHIN`], and use
+//! a larger share of the limits.
 
 use motorium_drive::JointSetpoint;
 
@@ -39,8 +39,8 @@ const URGENT_AFTER: f64 = 3.0;
 const URGENT_SHARE: f64 = 0.9;
 /// Longest time in which the difference fades after [`URGENT_AFTER`], s.
 const URGENT_FADE: f64 = 0.9;
-/// Time after which recovery counts as late and is reported, s. Only commands that the limits cannot reach in
-/// this time make it late.
+/// Time after which a recovery counts as late and is reported, s. A recovery is only late if the joints
+/// cannot reach the commanded setpoints in this time within their limits.
 pub const RESUME_WITHIN: f64 = 2.0;
 /// Time constant of the last part of the approach, s.
 const APPROACH: f64 = 0.08;

@@ -58,8 +58,8 @@ impl Joint {
     }
 }
 
-/// Returns the setpoint with which a joint enters a safe state: a pure function of the measured joint, its
-/// limits and the previously applied setpoint `last`.
+/// Returns the setpoint with which a joint enters a safe state. The result depends only on the measured
+/// joint, its limits and the previously applied setpoint `last`.
 ///
 /// | state | position | gains | feed-forward |
 /// |---|---|---|---|
@@ -68,9 +68,9 @@ impl Joint {
 /// | `zero_torque` | none | none | none |
 /// | `brake` | none, then where the joint stopped | 10^6 N m s/rad, then the safe states' gains | gravity |
 ///
-/// Held gains are the larger of the last command's and the profile's, separately for `kp` and `kd`, but at
-/// most 16 times the profile's `kp` and 20 times its `kd`. If `kp` is larger than the profile's, `kd` is at
-/// least as large as the profile's damping ratio requires.
+/// Each held gain is the larger of the last command's gain and the profile's gain, but at most 16 times the
+/// profile's `kp` and 20 times the profile's `kd`. If the held `kp` is larger than the profile's `kp`, the
+/// held `kd` is at least as large as the profile's damping ratio requires.
 ///
 /// ```
 /// use motorium::plan::SafeState;
@@ -104,10 +104,11 @@ pub fn enter(state: SafeState, joint: &Joint, limits: &JointLimits, last: &Joint
     }
 }
 
-/// Returns the setpoint of a step in a safe state, `dt` s after `setpoint`.
+/// Returns the next setpoint of a joint that stays in a safe state, `dt` s after the previous `setpoint`.
 ///
-/// `hold` brings a moving joint to rest within its range, and blends its feed-forward to gravity compensation
-/// at the measured pose. `brake` compensates gravity and holds a joint once it has stopped.
+/// `hold` brings a moving joint to rest within its range, and blends the feed-forward effort into gravity
+/// compensation at the measured pose. `brake` compensates gravity, and holds a joint once the joint has
+/// stopped.
 pub fn stay(
     state: SafeState,
     joint: &Joint,

@@ -1,4 +1,4 @@
-//! The common step of a gate: a new command within all limits, which is applied unchanged.
+//! The common case of a gate's step: a new command within all limits, which is applied unchanged.
 
 use motorium_drive::{JointSetpoint, ROUNDING};
 

@@ -9,9 +9,10 @@ use crate::severity::Severity;
 
 /// Result of the timing analysis of a graph, with its calculations as text.
 ///
-/// Unknown times count as zero in all sums: the execution time of components without a budget, and releases
-/// by components that are not real-time. A bound that exceeds its limit even then is refused. A bound within
-/// its limit that depends on an unknown time is not provable.
+/// Two kinds of times are unknown: the execution time of components without a budget, and releases by
+/// components that are not real-time. Unknown times count as zero in all sums. A bound that nevertheless
+/// exceeds its limit is refused. A bound that depends on an unknown time and is within its limit is not
+/// provable.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Admission {
     /// Worst verdict of all bounds below.
@@ -118,7 +119,8 @@ pub enum Activity {
     Spin,
     /// A step, including the overhead of the runtime.
     Step,
-    /// The whole reservation of a `SCHED_DEADLINE` component, which may run on this core.
+    /// The whole CPU reservation of a `SCHED_DEADLINE` component, which may run on any core and therefore
+    /// counts on this core.
     Reserved,
 }
 
@@ -135,18 +137,19 @@ pub struct TaskBound {
     pub period_ns: u64,
     /// Allowed execution time per step, ns; `None` if the graph sets no budget.
     pub budget_ns: Option<u64>,
-    /// Maximum time for which a step waits for an answer without using the core, ns.
+    /// Maximum time for which a step waits for an answer from outside the graph without using the core, ns.
     pub waits_ns: u64,
-    /// Component at whose release `response_ns` starts: the component itself, or the head of its trigger
-    /// chain on the same core at the same priority.
+    /// Component whose release is the start of `response_ns`: the component itself, or the first component in
+    /// its trigger chain on the same core at the same priority.
     pub released_with: String,
-    /// Response time of the step: maximum time from the release of `released_with` to the end of the step,
-    /// ns; `None` if there is no bound.
+    /// Maximum time from the release of `released_with` to the end of the step, ns; `None` if there is no
+    /// bound.
     pub response_ns: Option<u64>,
-    /// Maximum time from the release of the head of the whole trigger chain to the end of the step, ns;
-    /// `None` if there is no bound.
+    /// Maximum time from the release of the first component in the whole trigger chain to the end of the
+    /// step, ns; `None` if there is no bound.
     pub chain_ns: Option<u64>,
-    /// Deadline of the step: time from a release to the next release, by which the step must have ended, ns.
+    /// Time after its release by which the step must have ended, ns. Equal to the time from one release to
+    /// the next.
     pub deadline_ns: u64,
     /// Verdict on the response time.
     pub verdict: Verdict,

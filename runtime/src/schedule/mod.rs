@@ -1,6 +1,6 @@
-//! Timing analysis of a plan: static plan, response times and latencies, as pure functions.
+//! Timing analysis of a plan: bounds on the response times of components and on latencies, as pure functions.
 //!
-//! [`admit`] is the check before a launch. Its model and assumptions are:
+//! [`admit`] is the check before a launch. Its model of the machine and its assumptions are:
 //!
 //! * Real-time components are `SCHED_FIFO` threads on one core each, or `SCHED_DEADLINE` threads. The latter
 //!   run ahead of all priorities and on any core; each core is assumed to run all of them. Components that
@@ -9,16 +9,16 @@
 //! * Phases are considered: tasks on the common clock whose releases never coincide do not delay each other.
 //!   A component with the overrun policy `rephase` may leave the clock and is assumed to be released at any
 //!   time.
-//! * Spinning before a release occupies the core against everything that is not more urgent.
+//! * A component that spins before a release occupies its core. Only components of higher priority can run.
 //! * Budgets are kept. Budget overruns, stolen time, interrupts and non-preemptible kernel sections are
 //!   outside the model; they are counted by cause at run time.
-//! * Equal priorities: a chain ahead in the queue is counted as a whole. A clock-released component moves to
-//!   the end of the queue again when it first gets the core, so that components woken by a publication
-//!   meanwhile run first.
+//! * Equal priorities: a chain ahead in the queue is counted as a whole. A component released by the clock
+//!   moves to the end of the queue again when it first gets the core, so that components which a publication
+//!   has woken in the meantime run first.
 //! * A component publishes at the end of its step (this only matters for latencies). The worker's subsequent
 //!   work delays components triggered on its core, unless they are more urgent.
-//! * A step that waits for an external answer without the core ([`waits`](crate::declare::Declare::waits))
-//!   lasts that long itself, but occupies the core for its budget only.
+//! * A step that sleeps while it waits for an external answer ([`waits`](crate::declare::Declare::waits))
+//!   takes longer by the waiting time, but only occupies the core for its budget.
 //! * An unknown time counts as zero, and every bound that depends on it is not provable.
 //!
 //! [`timeline()`] simulates one hyperperiod in which all budgets are used up and no step waits for answers.
@@ -47,8 +47,8 @@ use analysis::unknown::Unknown;
 use analysis::{Analysis, response};
 use explain::{latency, load, problems, task};
 
-/// Analyses whether a graph meets its timing requirements on a machine with these overheads and this limit on
-/// real-time threads.
+/// Analyses whether a graph meets its deadlines and latency budgets on a machine with these overheads and
+/// this limit on real-time threads.
 pub fn admit(plan: &Plan, overheads: &Overheads, rt_limit: RtLimit) -> Admission {
     let mut admission = Admission {
         verdict: Verdict::BestEffort,

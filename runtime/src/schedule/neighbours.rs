@@ -2,9 +2,9 @@
 
 use crate::plan::{Activation, OnOverrun, Plan};
 
-/// Returns the plan of a graph extended by the components of other running graphs. For
-/// [`admit`](super::admit) only. The added components are named `RUN/component` and may be released at any
-/// time, because their runs started at other times. Only real-time graphs are considered.
+/// Returns the plan of a graph, extended by the components of running graphs, for [`admit`](super::admit)
+/// only. The added components are named `RUN/component`. They may be released at any time, because their runs
+/// started independently. Running graphs in lockstep are ignored.
 ///
 /// `others` contains the ids and plans of the running graphs.
 pub fn beside(plan: &Plan, others: &[(String, Plan)]) -> Plan {

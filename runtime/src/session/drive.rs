@@ -13,8 +13,8 @@ use crate::worker::Registry;
 const LOOK_NS: u64 = 20_000_000;
 
 impl Session<'_> {
-    /// Runs all episodes of the plan, each for the plan's duration. The report of [`stop`](Self::stop)
-    /// contains the exit.
+    /// Runs all episodes of the plan, each for the plan's duration. The report returned by
+    /// [`stop`](Self::stop) contains the outcome of the run.
     ///
     /// # Errors
     /// A component cannot be reset between two episodes.
@@ -123,14 +123,14 @@ impl Session<'_> {
     }
 }
 
-/// Runs a plan: all its episodes, each for the plan's duration. A signal ends the run early, and so does a
-/// failure that the policies do not tolerate.
+/// Runs a plan: all its episodes, each for the plan's duration. A signal ends the run early. A failure that
+/// the policies of the graph do not tolerate also ends the run early.
 ///
 /// Calls `observe` with every [`Event`] while the graph runs, including a status about 20 times a second.
 ///
 /// # Errors
-/// The graph did not start; nothing is left behind then. If the graph ran and failed, the function returns
-/// `Ok`, and the report contains the exit.
+/// The graph did not start. In this case nothing is left in shared memory. If the graph started and then
+/// failed, the function returns `Ok`, and the report contains the failure.
 pub fn run(
     plan: Plan,
     registry: &Registry,

@@ -8,14 +8,14 @@ use crate::transport::PortError;
 /// Error of launching or driving a run.
 #[derive(Debug, thiserror::Error)]
 pub enum SessionError {
-    /// The graph did not start; nothing is left behind.
+    /// The graph did not start. Nothing is left in shared memory.
     #[error(transparent)]
     Launch(#[from] LaunchError),
     /// The run has ended: it received a signal, or a component failed and the actuators entered their safe
-    /// state. The only remaining operation is to stop the session.
+    /// state. The session can now only be stopped.
     #[error("the run has ended: {}", describe(.0))]
     Ended(Exit),
-    /// The session belongs to the process from which the current one was forked.
+    /// The session belongs to the process from which the current process was forked.
     #[error("the session cannot be used in this process: {0}")]
     OtherProcess(#[from] OtherProcess),
     /// The operation requires simulated time, but the run is in real time.
@@ -32,9 +32,10 @@ pub enum SessionError {
         /// The requested operation.
         what: &'static str,
     },
-    /// A component of the graph begins the episodes, so the session cannot.
+    /// A component of the graph begins the episodes, so the session cannot begin one.
     #[error(
-        "component `{component}` begins the episodes of this graph; remove its `begins_episodes` to begin them in the session"
+        "component `{component}` begins the episodes of this graph; remove its `begins_episodes` to begin episodes \
+         from the session"
     )]
     EpisodeDriver {
         /// Name of the component.
@@ -60,7 +61,7 @@ pub enum SessionError {
         /// Suggestion: the most similar topic, or all topics.
         advice: String,
     },
-    /// Another component writes the topic, so the session cannot.
+    /// The session cannot publish on the topic, because a component of the graph writes it.
     #[error(
         "topic `{topic}` is written by component `{writer}`; to write it from the session, launch with \
          `Options::standing_in_for(\"{writer}\")`"

@@ -2,31 +2,31 @@
 //! ends it.
 //!
 //! A [`Session`] belongs to one thread. A program may have several sessions, each in a separate thread and on
-//! a core of its choice, for example for roll-outs of a learner. `motorium run` uses [`run`], a loop over a
-//! session.
+//! a separate core, for example for the roll-outs of a learner. The command `motorium run` uses [`run`], a
+//! loop over a session.
 //!
 //! # Time
 //! In lockstep, time only passes within [`step_until`](Session::step_until), [`step`](Session::step) and
 //! [`run`](Session::run), as fast as the machine allows or at a [`pace`](Session::pace). In real time,
-//! `step_until` waits and supervises the components meanwhile.
+//! `step_until` waits, and supervises the components while it waits.
 //!
 //! # Episodes
 //! In lockstep, [`reset`](Session::reset) resets all components and simulated time. The values published in
-//! an episode depend only on its seed, on parameters, and on the values and times of the session's own
-//! publications. Episodes with equal inputs are bitwise equal.
+//! an episode depend only on the episode's seed, on parameters, and on the values and times of the session's
+//! own publications. If all of these are equal, two episodes are bitwise equal.
 //!
 //! In real time, [`begin_episode`](Session::begin_episode) begins the next numbered section of the run,
 //! without resetting anything.
 //!
 //! # Forks
-//! A session belongs to the process that launched it. In a forked child, such as of Python's
-//! `multiprocessing`, every call is an error ([`SessionError::OtherProcess`]). Dropping the session there has
-//! no effect, and the run of the parent continues. The same applies to its readers and
-//! [taps](crate::transport::Tap).
+//! A session belongs to the process that launched it. In a forked child (for example with Python's
+//! `multiprocessing`), every call is an error ([`SessionError::OtherProcess`]). Dropping the session in the
+//! child has no effect, and the run of the parent continues. Readers and [taps](crate::transport::Tap) opened
+//! by the session behave in the same way.
 //!
 //! # Ending
 //! [`stop`](Session::stop) ends a run in an orderly way and returns its report. Dropping a session ends its
-//! components immediately. Neither leaves anything in shared memory.
+//! components immediately. In both cases nothing is left in shared memory.
 
 mod drive;
 mod error;
@@ -131,10 +131,11 @@ impl core::fmt::Debug for Session<'_> {
 }
 
 impl Session<'static> {
-    /// Launches a plan. All components are configured and connected, but none has stepped yet.
+    /// Launches a plan. When this function returns, all components are configured and connected, but no
+    /// component has stepped.
     ///
     /// # Errors
-    /// The graph did not start. Nothing is left behind then.
+    /// The graph did not start. Nothing is left in shared memory.
     pub fn launch(plan: Plan, registry: &Registry, options: &Options) -> Result<Self, SessionError> {
         Self::observed(plan, registry, options, |_| {})
     }
@@ -166,18 +167,18 @@ impl<'o> Session<'o> {
         self.launch.plan()
     }
 
-    /// Returns the run's id, by which commands find the run.
+    /// Returns the run's id, which identifies the run in commands such as `motorium top`.
     pub fn id(&self) -> &str {
         self.launch.folder().id()
     }
 
-    /// Returns the time since the start of the current episode, or of the run if there are no episodes. In
-    /// lockstep this is simulated time.
+    /// Returns the time since the start of the current episode or, without episodes, since the start of the
+    /// run. In lockstep, the result is simulated time.
     pub fn time(&self) -> Duration {
         Duration::from_nanos(self.launch.time_ns().saturating_sub(self.launch.episode_ns()))
     }
 
-    /// Returns the index of the current episode, from 0.
+    /// Returns the index of the current episode, counted from 0.
     pub fn episode(&self) -> u64 {
         self.launch.region().header().episode.load(Relaxed)
     }
@@ -205,8 +206,8 @@ impl<'o> Session<'o> {
         self.events.lost()
     }
 
-    /// Lets time pass until [`time`](Self::time) reaches `time`. In lockstep this runs all rounds before that
-    /// time; in real time it waits. Returns earlier if a component ends the episode.
+    /// Lets time pass until [`time`](Self::time) reaches `time`. In lockstep, this runs all rounds before
+    /// this time. In real time, this waits. Returns early if a component ends the episode.
     ///
     /// # Errors
     /// The run has ended.
@@ -240,7 +241,7 @@ impl<'o> Session<'o> {
     /// Resets all components and simulated time, and begins an episode with this seed. The first episode has
     /// the seed of the plan.
     ///
-    /// Parameters keep their values. Afterwards all topics are empty, and time is zero.
+    /// After the reset, all topics are empty, and time is zero. Parameters keep their values.
     ///
     /// # Errors
     /// The run is in real time or has ended, or a component cannot be reset.
@@ -312,8 +313,8 @@ impl<'o> Session<'o> {
         self.set_many(component, [(parameter, value.into())])
     }
 
-    /// Sets several parameters of a component together. If one of them cannot be set, none is. All take
-    /// effect at the component's next step.
+    /// Sets several parameters of a component together. All values take effect at the component's next step.
+    /// If a parameter cannot be set, all parameters stay unchanged.
     ///
     /// # Errors
     /// Same as [`set`](Self::set).
@@ -352,9 +353,9 @@ impl<'o> Session<'o> {
         Ok(())
     }
 
-    /// Pauses simulated time in [`run`](Self::run) if `held` is true, otherwise continues it. `motorium step`
-    /// does the same from another terminal. [`step`](Self::step) and [`step_until`](Self::step_until) also
-    /// work in a paused run, because the program calls them explicitly.
+    /// Pauses simulated time in [`run`](Self::run) if `held` is true, otherwise continues it. The command
+    /// `motorium step` pauses and continues a run from a separate terminal. [`step`](Self::step) and
+    /// [`step_until`](Self::step_until) also work in a paused run, because the program calls them explicitly.
     ///
     /// # Errors
     /// The run is in real time, which cannot be paused.
@@ -365,7 +366,7 @@ impl<'o> Session<'o> {
     }
 
     /// Ends the run in an orderly way: actuators enter their safe state, and components save their results.
-    /// In a forked child the run continues, and the report covers the run so far.
+    /// In a forked child, this does not end the run, and the report covers the run so far.
     pub fn stop(mut self) -> Report {
         if let Err(error) = self.launch.check() {
             return self.launch.report_so_far(Exit::SafeStop { reason: format!("the session: {error}") });

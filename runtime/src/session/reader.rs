@@ -1,4 +1,4 @@
-//! The newest value of a topic, in place, from outside the graph.
+//! Reading of the newest value of a topic from outside the graph, without copying.
 
 #![allow(unsafe_code)] // bytes are read as a type whose layout was compared with the topic's
 
@@ -20,8 +20,8 @@ use crate::transport::{PortError, TopicMemory, open_queue, refused, same_layout,
 /// A reader of the newest value of a topic, without copying, for programs outside the graph.
 ///
 /// Reading costs the writer nothing, and the writer never waits for a reader. [`poll`](Self::poll) pins the
-/// newest value, which stays valid and unchanged until the next `poll`, regardless of its size and of the
-/// time between polls. A topic supports four readers outside the graph at a time, including
+/// newest value. The pinned value stays valid and unchanged until the next call of `poll`, regardless of its
+/// size and of the time between calls. A topic supports four readers outside the graph at a time, including
 /// [taps](crate::transport::Tap). A reader is released immediately when its process is killed.
 ///
 /// On a stream, `poll` skips to the newest value. Use a [`Tap`](crate::transport::Tap) to read every value.
@@ -123,7 +123,7 @@ impl TopicReader {
     }
 
     /// Returns the bytes of the pinned value in the [layout](Self::layout) of the topic, or `None` before the
-    /// first publication. On a topic of slices, returns the bytes of all elements.
+    /// first publication. On a topic of slices, the result contains the bytes of all elements.
     pub fn bytes(&self) -> Option<&[u8]> {
         self.pinned().map(|(_, bytes)| bytes)
     }

@@ -53,8 +53,8 @@ impl TopicWriter<'_> {
         self.finish(|output| output.publish(bytes))
     }
 
-    /// Publishes a value like [`publish`](Self::publish), with the time at which the value was measured, ns
-    /// on the clock of [`Session::stamp_ns`].
+    /// Publishes a value like [`publish`](Self::publish), but with an explicit source time: the time at which
+    /// the value was measured, ns on the clock of [`Session::stamp_ns`].
     ///
     /// # Errors
     /// Same as [`publish`](Self::publish), or the time is more than 1 ms in the future.
@@ -82,10 +82,10 @@ type Opened = (Box<dyn Any>, Option<Rc<dyn Connect>>);
 
 impl Session<'_> {
     /// Returns a copy of the newest value of a topic in this episode, or `None` before the first publication.
-    /// For a stream, only values after the first call are visible.
+    /// On a stream, only values published after the first call are visible.
     ///
     /// # Errors
-    /// The topic does not exist, has a different type, or contains slices.
+    /// The topic does not exist, its type is not `T`, or it contains slices.
     pub fn read<T: StateBuffer>(&mut self, topic: &str) -> Result<Option<Value<T>>, SessionError> {
         let index = self.topic(topic)?;
         crate::transport::same_layout::<T>(&self.launch.plan().topics[index], "the session")?;
@@ -116,15 +116,16 @@ impl Session<'_> {
     /// ```
     ///
     /// # Errors
-    /// The graph has no such topic, or four programs outside the graph already read it.
+    /// The graph has no such topic, or four programs outside the graph already read the topic.
     pub fn reader(&self, topic: &str) -> Result<TopicReader, SessionError> {
         let index = self.topic(topic)?;
         let domain = self.launch.folder().domain().map_err(LaunchError::from)?;
         Ok(TopicReader::open(&domain, &self.launch.plan().topics[index])?)
     }
 
-    /// Opens a reader of every value of a topic, in order, from now on. On a topic of slices, each value
-    /// consists of the bytes of all elements. The reader must stay on the thread that opened it.
+    /// Opens a reader of every value that is published on a topic from now on, in order. On a topic of
+    /// slices, each value consists of the bytes of all elements. The reader must stay on the thread that
+    /// opened it.
     ///
     /// ```no_run
     /// # use motorium::session::{Session, SessionError};
@@ -138,7 +139,7 @@ impl Session<'_> {
     /// ```
     ///
     /// # Errors
-    /// The graph has no such topic, or four programs outside the graph already read it.
+    /// The graph has no such topic, or four programs outside the graph already read the topic.
     pub fn tap(&self, topic: &str) -> Result<Tap, SessionError> {
         let index = self.topic(topic)?;
         let domain = self.launch.folder().domain().map_err(LaunchError::from)?;
@@ -151,15 +152,16 @@ impl Session<'_> {
     /// Components triggered by the topic step in the next round.
     ///
     /// # Errors
-    /// The session does not stand in for the writer of the topic ([`Options`](crate::launcher::Options)), the
-    /// topic has a different type, or a number of the value is not finite.
+    /// The session does not replace the component that writes the topic
+    /// ([`Options::standing_in_for`](crate::launcher::Options::standing_in_for)), the type of the topic is
+    /// not `T`, or a number of the value is not finite.
     pub fn publish<T: StateBuffer>(&mut self, topic: &str, value: &T) -> Result<(), SessionError> {
         self.publish_at(topic, value, None)
     }
 
-    /// Publishes a value like [`publish`](Self::publish), with the time at which it was measured, received or
-    /// recorded, ns on the clock of [`stamp_ns`](Self::stamp_ns). Latencies and the ages of commands count
-    /// from this time.
+    /// Publishes a value like [`publish`](Self::publish), but with an explicit source time: the time at which
+    /// the value was measured, received or recorded, ns on the clock of [`stamp_ns`](Self::stamp_ns).
+    /// Latencies and the ages of commands are measured from this time.
     ///
     /// ```no_run
     /// # use motorium::{session::{Session, SessionError}, state::PoseTarget};
@@ -181,8 +183,8 @@ impl Session<'_> {
         self.publish_at(topic, value, Some(source_ns))
     }
 
-    /// Opens a writer in place of the component that writes the topic. For topics whose type is only known at
-    /// run time. Values are stamped with the current time of the run.
+    /// Opens a writer that publishes in place of the component that writes the topic. Intended for topics
+    /// whose type is only known at run time. Values are stamped with the time of this call.
     ///
     /// ```no_run
     /// # use motorium::session::{Session, SessionError};
@@ -195,8 +197,9 @@ impl Session<'_> {
     /// ```
     ///
     /// # Errors
-    /// The session does not stand in for the writer of the topic ([`Options`](crate::launcher::Options)), the
-    /// topic is not a state, or the session has already published a typed value on it.
+    /// The session does not replace the component that writes the topic
+    /// ([`Options::standing_in_for`](crate::launcher::Options::standing_in_for)), the topic is not a state,
+    /// or the session has already published a typed value on the topic.
     pub fn writer(&mut self, topic: &str) -> Result<TopicWriter<'_>, SessionError> {
         self.check_alive()?;
         let index = self.topic(topic)?;
@@ -213,7 +216,7 @@ impl Session<'_> {
         let (_, output, context) = &mut self.ports.writers[place];
         let output = output.downcast_mut::<RawOutput>().ok_or_else(|| SessionError::Topic {
             topic: topic.to_string(),
-            reason: "the session has already published a typed value on it".to_string(),
+            reason: "the session has already published a typed value on this topic".to_string(),
         })?;
         Ok(TopicWriter { output, context, now_ns })
     }
@@ -238,8 +241,9 @@ impl Session<'_> {
         let refused = |reason: String| SessionError::Topic { topic: topic.to_string(), reason };
         let (_, output, context) = &mut self.ports.writers[place];
         let output = output.downcast_mut::<Output<T>>();
-        let output = output
-            .ok_or_else(|| refused("the session has already published another type on it".to_string()))?;
+        let output = output.ok_or_else(|| {
+            refused("the session has already published a different type on this topic".to_string())
+        })?;
         context.enter_new_episode();
         context.enter_step(now_ns, now_ns, u64::MAX);
         let sent = output.loan().and_then(|mut loan| {

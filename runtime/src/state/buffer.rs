@@ -12,7 +12,7 @@ pub trait StateBuffer: Field + ZeroCopySend {
     /// Name of the type for other languages and processes, such as `motorium.JointState`.
     const NAME: &'static str;
 
-    /// Returns the layout of the type: names, offsets and types of the fields.
+    /// Returns the layout of the type: its name, and the names, offsets and types of its fields.
     fn layout() -> TypeLayout;
 }
 

@@ -1,4 +1,4 @@
-//! Field buses: frames and health.
+//! Messages of field buses: CAN frames and the health of a bus.
 
 crate::state_buffer! {
     /// A frame of a CAN or CAN FD bus.
@@ -34,7 +34,7 @@ impl CanFrame {
     pub const FD: u32 = 2;
     /// Flag: the data was sent at the higher CAN FD bit rate.
     pub const BIT_RATE_SWITCH: u32 = 4;
-    /// Flag: a remote frame, which requests data and contains none.
+    /// Flag: a remote frame, which requests data but contains no data.
     pub const REMOTE: u32 = 8;
     /// Flag: an error frame in the format of Linux SocketCAN.
     pub const ERROR: u32 = 16;
@@ -79,11 +79,13 @@ impl BusHealth {
     pub const STOPPED: u32 = 0;
     /// State: error active. The controller sends and receives.
     pub const ACTIVE: u32 = 1;
-    /// State: error passive. The controller has counted many errors and no longer signals errors actively.
+    /// State: error passive. The controller has counted many errors and has stopped signalling errors
+    /// actively.
     pub const PASSIVE: u32 = 2;
     /// State: bus-off. The controller has left the bus.
     pub const BUS_OFF: u32 = 3;
-    /// State: error warning. The controller has counted many errors, but still sends and receives.
+    /// State: error warning. The controller has counted many errors. It sends and receives as in the error
+    /// active state.
     pub const WARNING: u32 = 4;
     /// State: the interface is down or missing.
     pub const DOWN: u32 = 5;

@@ -106,7 +106,7 @@ pub enum ContentDefect {
     Count {
         /// Index of the array in [`TypeLayout::fields`].
         field: usize,
-        /// Number of entries in use that the buffer claims.
+        /// Number of entries in use according to the count in the buffer.
         found: usize,
         /// Number of entries that fit in the array.
         capacity: usize,
@@ -143,7 +143,8 @@ impl ContentCheck {
         Ok(Self { size: layout.size, parts: parts.collect::<Result<_, _>>()? })
     }
 
-    /// Checks the size of a buffer, that all numbers are finite, and that counts do not exceed their arrays.
+    /// Checks that a buffer has the size of its type, that all its numbers are finite, and that counts do not
+    /// exceed their arrays.
     ///
     /// # Errors
     /// Returns the first defect, in field order.
@@ -163,10 +164,10 @@ impl ContentCheck {
         Ok(())
     }
 
-    /// Checks all of several consecutive buffers, each as [`check`](Self::check) does.
+    /// Checks several consecutive buffers, each like [`check`](Self::check).
     ///
     /// # Errors
-    /// Returns the first defect; field and entry are counted within the buffer that has the defect.
+    /// Returns the first defect, with indices relative to the buffer that has the defect.
     pub fn check_all(&self, bytes: &[u8]) -> Result<(), ContentDefect> {
         if self.size == 0 || !bytes.len().is_multiple_of(self.size) {
             return Err(ContentDefect::Size { found: bytes.len(), expected: self.size });

@@ -1,4 +1,4 @@
-//! Controllers: diagnostics of an optimisation step.
+//! Messages of controllers: diagnostics of one optimisation step.
 
 #![allow(unsafe_code)] // a `Field` implementation that looks only at the used part of its arrays
 
@@ -15,8 +15,8 @@ crate::state_buffer! {
     /// relaxations and solver statistics.
     ///
     /// `residual` has one entry per task, in the order of the configuration. `constraint`, `index` and `side`
-    /// have one entry per active constraint: its kind, the index of the joint or contact point that it
-    /// limits, and the side of the limit.
+    /// have one entry per active constraint: the kind of the constraint, the index of the limited joint or
+    /// contact point, and the side of the limit.
     ///
     /// ```
     /// use motorium::state::ControlDiagnostics;
@@ -35,7 +35,7 @@ crate::state_buffer! {
         pub status: u32,
         /// Number of solver iterations in the first priority level.
         pub iterations: u32,
-        /// Number of priority levels below the first that remain unsolved.
+        /// Number of priority levels, apart from the first, that the solver left unsolved.
         pub undecided: u32,
         /// Number of active constraints, including those that do not fit in the lists.
         pub constraints: u32,
@@ -63,8 +63,8 @@ impl ControlDiagnostics {
 
     /// Constraint: torque limit of the joint `index`.
     pub const TORQUE: u32 = 1;
-    /// Constraint: friction of the contact point `index`, counted over all contacts. A sole has four points,
-    /// any other contact one.
+    /// Constraint: friction of the contact point `index`, counted over all contacts. A sole has four points;
+    /// each other contact has one point.
     pub const FRICTION: u32 = 2;
     /// Constraint: normal force of the contact point `index`, counted as in [`FRICTION`](Self::FRICTION). The
     /// force is at zero (`LOWER`) or at its maximum (`UPPER`).
@@ -91,7 +91,7 @@ impl ControlDiagnostics {
         (self.count as usize).min(MAX_TASKS)
     }
 
-    /// Sets the number of tasks. Entries that come into use keep their old content.
+    /// Sets the number of tasks. Added entries keep the content that the buffer had there before.
     ///
     /// # Panics
     /// If `count` exceeds [`MAX_TASKS`].

@@ -30,7 +30,8 @@ macro_rules! counted_buffer {
                 (self.count as usize).min($capacity)
             }
 
-            /// Sets the number of entries in use. Entries that come into use keep their old content.
+            /// Sets the number of entries in use. Added entries keep the content that the buffer had there
+            /// before.
             ///
             /// # Panics
             /// If `count` exceeds the capacity of the arrays; check sizes during configuration.

@@ -2,7 +2,8 @@
 
 use twox_hash::xxhash3_64::{DEFAULT_SECRET_LENGTH, RawHasher, SecretBuffer};
 
-/// An incremental 64-bit digest (XXH3) of published content. Equal runs have equal digests.
+/// An incremental 64-bit digest (XXH3) of published content, by which lockstep runs are compared: equal runs
+/// have equal digests.
 pub struct Digest(RawHasher<&'static [u8; DEFAULT_SECRET_LENGTH]>);
 
 impl Default for Digest {

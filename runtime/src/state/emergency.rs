@@ -3,8 +3,9 @@
 crate::state_buffer! {
     /// An emergency stop, for example from a button, a supervisor or a light curtain.
     ///
-    /// It is published on the topic named by `[safety] emergency_stop`. After a value with `stop` set, every
-    /// actuator of the graph stays in its safe state until `motorium resume`, even if the publisher dies.
+    /// This message is published on the topic that the graph names in `[safety] emergency_stop`. After a
+    /// value with `stop` set, every actuator of the graph stays in its safe state until `motorium resume`,
+    /// even if the publisher dies.
     ///
     /// ```
     /// use motorium::state::EmergencyStop;

@@ -8,7 +8,7 @@ use crate::nearest::suggest;
 /// form.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum EncodeError {
-    /// A part does not have the form `field=value`.
+    /// A part of the text does not have the form `field=value`.
     #[error("`{0}` is not of the form field=value, such as position=[0.4, 0.0, 0.3]")]
     Form(String),
     /// The type has no field with this name.
@@ -54,13 +54,14 @@ pub enum EncodeError {
         /// Expected number of entries.
         expected: String,
     },
-    /// The layout has a field for which no text form exists.
+    /// The layout has a field that cannot be written as text.
     #[error("{0} has a field that cannot be written as text, expected only numbers and arrays of numbers")]
     Layout(String),
 }
 
 /// Encodes a value of `layout` from the fields in `text`: `name=number`, `name=[number, ...]`, or
-/// `name="text"` for bytes. Missing fields are zero; counts follow from the array entries.
+/// `name="text"` for bytes. Fields that are missing in `text` are zero. Counts are derived from the number of
+/// array entries.
 ///
 /// ```
 /// use motorium::state::{JointState, StateBuffer, encode};

@@ -21,15 +21,15 @@ pub unsafe trait Field: Copy + core::fmt::Debug + 'static {
     /// Type of the numbers that the value consists of.
     const NUMBERS: Numbers = Numbers::Mixed;
 
-    /// Appends the layout of the field, or of each of its fields, to `out`. `prefix` is the name of the field
-    /// and `offset` its offset, bytes.
+    /// Appends the layout of this field to `out`; if the field is a state buffer, appends the layouts of the
+    /// buffer's fields. `prefix` is the name of the field, and `offset` is its offset, bytes.
     fn describe(prefix: &str, offset: usize, out: &mut Vec<FieldLayout>);
 
     /// Checks that all numbers are finite and that counts do not exceed their arrays.
     fn check(&self) -> Result<(), Defect>;
 
-    /// Checks the value like [`check`](Self::check), but skips the numbers that were checked while they were
-    /// written.
+    /// Checks the value like [`check`](Self::check), but skips numbers that `checked` covers because they
+    /// were checked while they were written.
     #[inline]
     fn check_rest(&self, checked: &Checked) -> Result<(), Defect> {
         let _ = checked;
@@ -52,8 +52,9 @@ pub unsafe trait Field: Copy + core::fmt::Debug + 'static {
         Ok(())
     }
 
-    /// Writes `values` to the consecutive `places` until values or places run out. Checks each value while it
-    /// is in registers. Returns the number of values written, and `true` if all of them are valid.
+    /// Writes `values` to the consecutive `places` until values or places run out, and checks each value
+    /// while it is in registers. Returns the number of values written, and `true` if all written values are
+    /// valid.
     fn write_checked(places: &mut [Self], values: impl Iterator<Item = Self>) -> (usize, bool) {
         let (mut values, mut count) = (values, 0);
         for part in places.chunks_mut((PART / size_of::<Self>().max(1)).max(1)) {
@@ -98,7 +99,8 @@ fn are_plainly_finite<T: Field>(values: &[T]) -> bool {
     }
 }
 
-/// Address range of numbers that were found finite while they were written.
+/// Address range of numbers that were found to be finite while they were written, so that they need not be
+/// checked again.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Checked {
     /// Addresses of the first byte and one past the last; empty if equal.
@@ -134,7 +136,7 @@ impl Checked {
     }
 }
 
-/// A defect of the content of a state buffer. Owns no heap memory, since it is created on the hot path.
+/// A defect in the content of a state buffer. Owns no heap memory, so it can be created on the hot path.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum Defect {
     /// A number is NaN or infinite.

@@ -87,7 +87,7 @@ pub(super) fn write<F: Float>(places: &mut [F], values: impl Iterator<Item = F>)
     (count, bits == F::Bits::default())
 }
 
-/// Type of the numbers that a value consists of.
+/// Type of all numbers in a value. Determines how fast the value can be checked for finite numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Numbers {
     /// `f64` only, without padding.
@@ -96,7 +96,7 @@ pub enum Numbers {
     Single,
     /// Integers only: any content is valid.
     Whole,
-    /// Several types, or entries that are only valid up to a count.
+    /// Several types of numbers, or arrays whose entries are only valid up to a count.
     Mixed,
 }
 

@@ -11,8 +11,8 @@ use super::counted::counted_buffer;
 pub const MAX_GOAL_TEXT: usize = 256;
 
 counted_buffer! {
-    /// A goal for a robot's joints: a pose of its end effector, joint positions, or both. Joints without a
-    /// new position keep their previous goal.
+    /// A goal for a robot: a pose of its end effector, joint positions, or both. Joints without a new
+    /// position keep their previous goal.
     ///
     /// ```
     /// use motorium::state::MotionGoal;
@@ -25,8 +25,8 @@ counted_buffer! {
     /// ```
     pub struct MotionGoal as "motorium.MotionGoal", at most MAX_JOINTS {
         plain {
-            /// Number assigned by the sender of the goal and repeated in [`GoalStatus`]. An unchanged goal
-            /// that is sent again has no effect.
+            /// Number assigned by the sender of the goal and repeated in [`GoalStatus`]. Sending an unchanged
+            /// goal again has no effect.
             number: u64;
             /// 1 if `position` is set, else 0.
             has_position: u64;
@@ -35,8 +35,8 @@ counted_buffer! {
             /// Orientation of the end effector in the world as a unit quaternion, x y z w. All zero keeps the
             /// orientation of the previous goal.
             orientation: [f64; 4];
-            /// Bit mask of the joints that have a position: bit `k` stands for joint `k`. 0 means that all
-            /// `count` joints have one.
+            /// Bit mask of the joints whose positions are set: bit `k` stands for joint `k`. 0 means that the
+            /// positions of all `count` joints are set.
             joints: u64;
             /// Duration of the motion, s; extended if the limits require it. 0 requests the shortest
             /// duration.
@@ -101,8 +101,8 @@ counted_buffer! {
             progress: f64;
             /// Remaining duration of the motion, s.
             remaining: f64;
-            /// Largest distance of a measured joint position from its goal at the end of the motion, rad or
-            /// m.
+            /// Largest distance between a measured joint position and the joint's goal at the end of the
+            /// motion, rad or m.
             error: f64;
         }
         counted {
@@ -120,13 +120,13 @@ pub enum GoalState {
     Idle = 0,
     /// The policy searches for joint positions that reach the pose; the previous motion continues.
     Planning = 1,
-    /// The joints move to the goal, or brake before the motion to it starts.
+    /// The joints move to the goal, or brake before the motion to the goal starts.
     Moving = 2,
     /// Every joint is within the tolerance around its goal.
     Reached = 3,
     /// The goal is invalid or out of reach; the previous motion continues.
     Refused = 4,
-    /// The motion is complete, but a joint is farther from the goal than the tolerance.
+    /// The motion is complete, but at least one joint is farther from its goal than the tolerance.
     Missed = 5,
 }
 

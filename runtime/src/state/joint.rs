@@ -1,4 +1,4 @@
-//! Joint-space state and command.
+//! Messages in joint space: the measured state of a robot's joints, and commands for them.
 
 #![allow(unsafe_code)] // two `Field` implementations that look only at the used part of their arrays
 
@@ -12,7 +12,7 @@ crate::state_buffer! {
     @layout
     /// Positions, velocities and efforts of a robot's joints, in the order of its model's `q`.
     ///
-    /// Only the first `count` entries are in use. The accessors return these entries only.
+    /// Only the first `count` entries of each array are in use, and the accessors return only these entries.
     pub struct JointState as "motorium.JointState" {
         count: u32,
         reserved: u32,
@@ -48,7 +48,7 @@ macro_rules! joint_buffer {
                 (self.count as usize).min(MAX_JOINTS)
             }
 
-            /// Sets the number of joints. Entries that come into use keep their old content.
+            /// Sets the number of joints. Added entries keep the content that the buffer had there before.
             ///
             /// # Panics
             /// If `count` exceeds [`MAX_JOINTS`]; check a model's size during configuration.

@@ -29,7 +29,7 @@ impl FieldLayout {
     }
 }
 
-/// Layout of a state buffer, which tools can read without knowing the type.
+/// Layout of a state buffer. Tools use it to read values of types that they do not know.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct TypeLayout {
     /// Permanent name of the type.
@@ -49,8 +49,8 @@ impl TypeLayout {
         Self { type_name: "any type".to_string(), size: 0, alignment: 1, fields: Vec::new() }
     }
 
-    /// Returns `true` if this is the placeholder of [`any`](Self::any). The layout declared by the topic's
-    /// writer applies instead.
+    /// Returns `true` if this is the placeholder returned by [`any`](Self::any). The layout declared by the
+    /// topic's writer then applies.
     pub fn is_any(&self) -> bool {
         self.size == 0 && self.fields.is_empty()
     }

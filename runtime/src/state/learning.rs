@@ -29,10 +29,10 @@ counted_buffer! {
     /// ```
     pub struct Weights as "motorium.Weights", at most MAX_WEIGHTS {
         plain {
-            /// Version of the weights, which increases with each change. Blocks with equal versions belong
-            /// together.
+            /// Version of the weights, which increases with each change. Blocks with the same version form
+            /// one set of weights.
             version: u64;
-            /// Index of this block, from 0.
+            /// Index of this block, counted from 0.
             block: u32;
             /// Number of blocks of the model.
             blocks: u32;
@@ -45,7 +45,7 @@ counted_buffer! {
 }
 
 counted_buffer! {
-    /// Observation of an agent at one step.
+    /// Observation of a learning agent at one step.
     ///
     /// ```
     /// use motorium::state::Observation;
@@ -70,7 +70,7 @@ counted_buffer! {
 }
 
 counted_buffer! {
-    /// Action of an agent at one step.
+    /// Action of a learning agent at one step.
     ///
     /// ```
     /// use motorium::state::Action;
@@ -118,10 +118,10 @@ counted_buffer! {
             time: u64;
             /// Time between two actions, ns. Must be above 0.
             period: u64;
-            /// Number of values per action, above 0. `count` is a multiple of it.
+            /// Number of values per action, above 0. `count` is a multiple of `width`.
             width: u64;
-            /// Sequence number of the chunk, assigned by its producer. A chunk that is sent again keeps its
-            /// number.
+            /// Sequence number of the chunk, assigned by its producer. A chunk that is published repeatedly
+            /// keeps its number.
             sequence: u64;
         }
         counted {
@@ -163,9 +163,9 @@ impl Reward {
 }
 
 counted_buffer! {
-    /// Properties that a simulation or a sensor randomised, at the start of an episode or during it.
+    /// Properties that a simulation or a sensor randomised at the start of an episode or during the episode.
     ///
-    /// Each entry names the property, the body, joint or object that has it, and the sampled value.
+    /// Each entry names the property, the body, joint or object with this property, and the sampled value.
     ///
     /// ```
     /// use motorium::state::Randomisation;
@@ -187,8 +187,8 @@ counted_buffer! {
         counted {
             /// Randomised property: one of the constants of this type.
             property, property_mut: u32;
-            /// Index of the body, joint or object that has the property, in the robot or the world; 0 if not
-            /// applicable.
+            /// Index of the body, joint or object with this property, in the robot or the world; 0 if the
+            /// property belongs to no particular one.
             part, part_mut: u32;
             /// Sampled value: a scale factor, a coefficient, a displacement in m or rad, a time in s, or a
             /// seed.
@@ -204,8 +204,8 @@ impl Randomisation {
     pub const GROUND_FRICTION: u32 = 2;
     /// Coefficient of restitution of the ground or the terrain.
     pub const GROUND_RESTITUTION: u32 = 3;
-    /// Scale factor of the mass and inertia of one body of the robot. The part [`BASE`](Self::BASE) stands
-    /// for the base.
+    /// Scale factor of the mass and inertia of one body of the robot, or of the base if the part is
+    /// [`BASE`](Self::BASE).
     pub const BODY_MASS: u32 = 4;
     /// Friction coefficient of the robot's surface.
     pub const FRICTION: u32 = 5;

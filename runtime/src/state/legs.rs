@@ -1,4 +1,4 @@
-//! Legged robots: contacts of the feet, measured and planned, and the estimated state of the base.
+//! Messages of legged robots: measured and planned contacts of the feet, and the estimated state of the base.
 
 #![allow(unsafe_code)] // `Field` implementations that look only at the used part of their arrays
 
@@ -41,12 +41,12 @@ counted_buffer! {
     /// ```
     pub struct ContactSchedule as "motorium.ContactSchedule", at most MAX_FEET {
         plain {
-            /// Ground normal under the feet, in the axes of the world. Need not have unit length; zero stands
-            /// for straight up.
+            /// Ground normal under the feet, in world axes. Need not have unit length; zero stands for
+            /// straight up.
             ground_normal: [f64; 3];
         }
         counted {
-            /// Fraction of its load that the foot carries, from 0 (lifted) to 1.
+            /// Fraction of its full share of the load that the foot carries: 0 if lifted, 1 if fully loaded.
             load, load_mut: f64;
         }
     }
@@ -78,8 +78,8 @@ crate::state_buffer! {
         /// Bias of the accelerometer, in the axes of the sensor, m/s^2.
         pub accelerometer_bias: [f64; 3],
         /// Covariance of the errors of orientation (as a rotation vector), velocity and position, in this
-        /// order and in the axes of the world. A 9 x 9 matrix, row by row; the units of the entries are
-        /// products of rad, m/s and m.
+        /// order and in world axes. A 9 x 9 matrix, row by row; the units of the entries are products of rad,
+        /// m/s and m.
         pub covariance: [f64; 81],
         /// Standard deviations of the biases, the gyroscope's first, rad/s and m/s^2.
         pub bias_deviation: [f64; 6],

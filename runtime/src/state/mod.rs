@@ -1,7 +1,7 @@
 //! State buffers: the plain-old-data types that components share, their layouts and their stamps.
 //!
-//! A state buffer is a `#[repr(C)]` type without pointers or meaningful padding. It is valid for every bit
-//! pattern, so another process can read it in place in shared memory. Use
+//! A state buffer is a `#[repr(C)]` type without pointers or meaningful padding. Every bit pattern is a valid
+//! value, so any process can read a buffer in place in shared memory. Use
 //! [`state_buffer!`](crate::state_buffer) to define one.
 //!
 //! Two processes agree on a type only if their [`TypeLayout`]s agree: names, offsets and types of all fields.

@@ -11,7 +11,8 @@ crate::state_buffer! {
         pub linear_velocity: [f64; 3],
         /// Angular velocity, rad/s.
         pub angular_velocity: [f64; 3],
-        /// Number of the goal that this target moves to. It changes when the motion to a new goal starts.
+        /// Number of the goal to which this target moves. The number changes when the motion to a new goal
+        /// starts.
         pub goal: u64,
         /// 1 if the target is at rest at its goal, else 0.
         pub at_goal: u64,
@@ -19,8 +20,8 @@ crate::state_buffer! {
 }
 
 crate::state_buffer! {
-    /// Target velocity of a frame. In world axes, unless the documentation of the reader specifies others:
-    /// `control.wheels` uses the axes of the base.
+    /// Target velocity of a frame. Expressed in world axes, unless the component that reads the target
+    /// defines its own axes: `control.wheels` uses the axes of the base.
     ///
     /// ```
     /// use motorium::state::TwistTarget;
@@ -37,7 +38,7 @@ crate::state_buffer! {
 }
 
 crate::state_buffer! {
-    /// Pose and velocity of a robot's base. Together with the joint state it is the complete state of a
+    /// Pose and velocity of a robot's base. Together with the joint state, this is the complete state of a
     /// floating-base robot.
     ///
     /// Position and orientation are the base's part of `q` in `motorium-robots`. The linear velocity followed
@@ -102,7 +103,7 @@ crate::state_buffer! {
 }
 
 crate::state_buffer! {
-    /// Phase of a periodic or one-shot motion.
+    /// Phase of a periodic or one-shot motion, by which components that share the motion stay synchronised.
     pub struct Phase as "motorium.Phase" {
         /// Phase: rad for a periodic motion; from 0 at the start to 1 at the end for a one-shot motion.
         pub phase: f64,

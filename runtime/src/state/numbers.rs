@@ -1,4 +1,5 @@
-//! Permanent numbers of the runtime's messages, by which files and other languages identify a type.
+//! Permanent numbers of the runtime's messages. Recorded files and programs in other languages identify a
+//! type by this number.
 
 use super::{
     Action, ActionChunk, Altitude, BaseEstimate, BaseState, BusHealth, CanFrame, CloudPoint, ContactImpulses,

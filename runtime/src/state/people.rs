@@ -75,7 +75,7 @@ impl Text {
 }
 
 counted_buffer! {
-    /// A single event: code, value and a short text.
+    /// A single event of a component: a code, a value and a short text.
     ///
     /// ```
     /// use motorium::state::Event;
@@ -86,11 +86,11 @@ counted_buffer! {
     /// ```
     pub struct Event as "motorium.Event", at most MAX_EVENT_TEXT {
         plain {
-            /// Number that distinguishes the events of a publisher, which defines its meaning.
+            /// Number that identifies the kind of the event. Its meaning is defined by the publisher.
             code: u32;
             /// Severity: one of the constants of this type.
             severity: u32;
-            /// Number that belongs to the event, in the unit that its code implies.
+            /// Number that belongs to the event, in a unit defined by `code`.
             value: f64;
         }
         counted {
@@ -103,7 +103,7 @@ counted_buffer! {
 impl Event {
     /// Severity: normal operation.
     pub const INFORMATION: u32 = 0;
-    /// Severity: allowed, but probably unintended.
+    /// Severity: a condition that is allowed, but probably unintended.
     pub const WARNING: u32 = 1;
     /// Severity: a failure.
     pub const ERROR: u32 = 2;

@@ -24,15 +24,15 @@ counted_buffer! {
         plain {
             /// Number of contact points that have no entry because the arrays are full. These points are
             /// merged: two entries of the same link carry their total force and moment. If more than 32 links
-            /// are touched, some may be omitted; [`ContactImpulses`] has the sum of all.
+            /// are touched, some links may be omitted; [`ContactImpulses`] includes all contacts.
             cut: u64;
         }
         counted {
             /// Index of the touched link in the robot's model.
             link, link_mut: u32;
-            /// The other body: the index of an object of the world, or 65536 plus the index of a link of the
-            /// same robot; 65535 for a link of another robot, 4294967295 for the ground, 4294967294 for a
-            /// push defined in the graph.
+            /// Body that touches the link: the index of an object of the world, or 65536 plus the index of a
+            /// link of the same robot; 65535 for a link of a different robot, 4294967295 for the ground,
+            /// 4294967294 for a push defined in the graph.
             other, other_mut: u32;
             /// Position of the contact point, x, m.
             position_x, position_x_mut: f64;
@@ -57,8 +57,8 @@ pub const MAX_IMPULSES: usize = 128;
 
 counted_buffer! {
     /// Accumulated impulses of all contacts and pushes on each link of a robot since the start of the
-    /// episode, in world axes. The difference between two values is the impulse between their times, over any
-    /// number of steps.
+    /// episode, in world axes. The difference between two published values is the impulse between their
+    /// publication times.
     ///
     /// ```
     /// use motorium::state::ContactImpulses;
@@ -105,7 +105,7 @@ counted_buffer! {
     /// ```
     pub struct ObjectPoses as "motorium.ObjectPoses", at most MAX_OBJECTS {
         counted {
-            /// Index of the object in the `objects` of the world.
+            /// Index of the object in the list `objects` of the graph's `[world]`.
             object, object_mut: u32;
             /// Position of the object's centre, x, m.
             position_x, position_x_mut: f64;

@@ -13,9 +13,9 @@ pub struct CountingAllocator;
 /// Number of heap allocations of one thread.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Allocations {
-    /// Number of allocations outside [`set_apart`].
+    /// Number of allocations outside calls of [`set_apart`].
     pub own: u64,
-    /// Number of allocations within [`set_apart`].
+    /// Number of allocations within calls of [`set_apart`].
     pub set_apart: u64,
 }
 
@@ -76,7 +76,8 @@ pub fn counts_allocations() -> bool {
     allocations() != before
 }
 
-/// Runs a call to third-party code whose allocations are known and documented, and counts them separately.
+/// Runs a call to third-party code whose allocations are known and documented, and counts these allocations
+/// separately.
 pub fn set_apart<R>(call: impl FnOnce() -> R) -> R {
     let outer = APART.replace(true);
     let result = call();

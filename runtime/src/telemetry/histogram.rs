@@ -74,7 +74,7 @@ impl Histogram {
         counts.filter(|(_, count)| *count > 0).map(|(i, count)| (upper_bound(i), count))
     }
 
-    /// Returns a copy that can be compared with a later one.
+    /// Returns a copy of the histogram. [`Snapshot::since`] computes the difference of two copies.
     pub fn snapshot(&self) -> Snapshot {
         // The maximum is written after its bucket, so if it is read after the buckets, it is never below
         // them.

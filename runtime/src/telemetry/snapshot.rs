@@ -2,20 +2,20 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Percentiles of a histogram, ns. `max` is exact, the others are accurate to 3 %.
+/// Percentiles of a histogram, ns. `max` is exact; all other fields are accurate to 3 %.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct Percentiles {
-    /// Median: half of all values are not larger.
+    /// Median: half of all values do not exceed it.
     pub p50: u64,
-    /// 99 % of all values are not larger.
+    /// 99th percentile: 99 % of all values do not exceed it.
     pub p99: u64,
-    /// 99.9 % of all values are not larger.
+    /// 99.9th percentile: 99.9 % of all values do not exceed it.
     pub p999: u64,
     /// Largest value.
     pub max: u64,
 }
 
-/// Copy of a [`Histogram`](super::Histogram) at one moment. It contains nonempty buckets only.
+/// Copy of a [`Histogram`](super::Histogram) at one moment, without empty buckets.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Snapshot {
     pub(super) sum: u64,
@@ -63,8 +63,8 @@ impl Snapshot {
 
     /// Returns the values that were recorded after an earlier snapshot of the same histogram.
     ///
-    /// The maximum of the result is exact if it is the maximum of the whole histogram. Otherwise it is the
-    /// upper bound of its bucket, at most 1/32 too high.
+    /// The maximum of the result is exact if it is also the maximum of the whole histogram. Otherwise the
+    /// result contains the upper bound of the highest nonempty bucket, which is at most 1/32 too high.
     pub fn since(&self, earlier: &Self) -> Self {
         let mut before = earlier.buckets.iter().copied().peekable();
         let mut buckets = Vec::new();

@@ -13,8 +13,8 @@ use crate::worker::{Kind, Registry, RobotSource};
 
 /// A graph built in code or from the text of a graph file, with the kinds of components it may use.
 ///
-/// Components run as threads of this process, in lockstep unless the graph sets another clock. Robots are not
-/// checked: any model name is accepted. See [the module](super) for an example.
+/// Components run as threads of this process, in lockstep unless the graph sets `clock = "realtime"`. Robots
+/// are not checked: any model name is accepted. See [the module](super) for an example.
 #[derive(Debug)]
 pub struct Graph {
     text: String,
@@ -48,7 +48,7 @@ impl Graph {
         Self::from_toml(format!("name = {}\nclock = \"lockstep\"\n", toml::Value::from(name)))
     }
 
-    /// Creates a graph from the text of a graph file. Components can be added in code.
+    /// Creates a graph from the text of a graph file. [`with`](Self::with) adds further components.
     pub fn from_toml(text: impl Into<String>) -> Self {
         Self {
             text: text.into(),
@@ -59,8 +59,8 @@ impl Graph {
         }
     }
 
-    /// Sets the path of the graph file. Paths in the graph are relative to its folder. The default is
-    /// `graph.toml` in the working directory.
+    /// Sets the path of the graph file. Relative paths in the graph refer to the folder of this file. The
+    /// default is `graph.toml` in the working directory.
     #[must_use]
     pub fn at_path(mut self, file: &Path) -> Self {
         self.file = file.to_path_buf();
@@ -100,7 +100,7 @@ impl Graph {
         self
     }
 
-    /// Sets a key of the graph, such as `clock` or `realtime`, like `--set path=value` on the command line.
+    /// Sets a key of the graph, such as `clock`, like `--set path=value` on the command line.
     #[must_use]
     pub fn set(mut self, path: &str, value: &str) -> Self {
         self.overrides.push(Override { path: path.to_string(), value: value.to_string() });
@@ -119,11 +119,11 @@ impl Graph {
         Registry::new(RobotSource { check: |_| Ok(Vec::new()) }, self.kinds.iter().copied())
     }
 
-    /// Runs the graph for a duration with its unit, such as `"2 s"`. In lockstep this is simulated time.
+    /// Runs the graph for a duration such as `"2 s"`, which is simulated time in lockstep.
     ///
     /// # Errors
-    /// The graph is invalid or does not start. If the graph ran and failed, the function returns `Ok`, and
-    /// the report contains the exit.
+    /// The graph is invalid or does not start. If the graph started and then failed, the function returns
+    /// `Ok`, and the report contains the failure.
     pub fn run(self, duration: &str) -> Result<Report, RunError> {
         let this = self.set("duration", duration);
         let plan = this.check()?.plan;

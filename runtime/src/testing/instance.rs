@@ -14,7 +14,8 @@ pub struct Instance {
 }
 
 impl Instance {
-    /// Creates a component of type `C`. Set its [`rate`](Self::rate) or [`trigger`](Self::trigger), too.
+    /// Creates a component of type `C`. The component needs a [`rate`](Self::rate) or a
+    /// [`trigger`](Self::trigger).
     pub fn of<C: Component>(name: &str) -> Self {
         Self { name: name.to_string(), kind: Kind::of::<C>(), table: toml::Table::new(), part: None }
             .set("kind", C::KIND)
@@ -68,7 +69,8 @@ impl Instance {
         self
     }
 
-    /// Sets any other key of the component's table in the graph, such as `on_error` or `budget`.
+    /// Sets a key of the component's table in the graph for which this type has no method, such as `on_error`
+    /// or `budget`.
     #[must_use]
     pub fn set(mut self, key: &str, value: impl Into<toml::Value>) -> Self {
         self.table.insert(key.to_string(), value.into());

@@ -9,10 +9,10 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 ///
 /// The function locks the file `real-time.lock` in `folder`. In integration tests, use
 /// `env!("CARGO_TARGET_TMPDIR")`, which all test programs of a workspace share. The lock is released when the
-/// returned file is dropped or its process ends.
+/// returned file is dropped or the process ends.
 ///
-/// The function prints the Unix time at which the test acquired the machine. This allows failures to be
-/// compared with the activity of a virtual machine's host.
+/// The function prints the Unix time at which the test acquired the lock, so that failures can be compared
+/// with the activity of a virtual machine's host.
 ///
 /// ```
 /// use motorium::prelude::*;

@@ -1,8 +1,8 @@
-//! Graphs, sources and probes for tests of components. Feature `testing`.
+//! Graphs, sources and probes for tests of components. Requires the feature `testing`.
 //!
-//! A test builds a [`Graph`] in code, or extends the text of a graph file, and runs it hosted. Every
-//! component is a thread of the test's process, by default in lockstep, so that a simulated second takes
-//! milliseconds and gives identical numbers every time. [`Source`] publishes the values of a closure,
+//! A test builds a [`Graph`] in code, or extends the text of a graph file, and runs the graph in its own
+//! process. Every component is a thread. By default the graph runs in lockstep, so that a simulated second
+//! takes milliseconds and always gives identical numbers. [`Source`] publishes the values of a closure,
 //! [`Function`] maps an input to an output, and [`Probe`] records its input. A test of a real-time graph
 //! reserves the [`machine`].
 //!

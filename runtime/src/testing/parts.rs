@@ -9,18 +9,18 @@ use crate::declare::{Declare, StepError};
 use crate::state::{Stamp, StateBuffer};
 use crate::telemetry::set_apart;
 
-/// A component that publishes the values returned by a closure. It publishes nothing in steps in which the
-/// closure returns `None`. The default rate is 1 kHz.
+/// A component that publishes the values returned by a closure. In steps in which the closure returns `None`,
+/// the component publishes nothing. The default rate is 1 kHz.
 #[derive(Debug)]
 pub struct Source(Instance);
 
-/// A component that passes the newest sample of one topic to a closure (`None` before the first) and
-/// publishes the result on another topic. The default rate is 1 kHz.
+/// A component that passes the newest sample of an input topic to a closure (`None` before the first sample)
+/// and publishes the closure's result on an output topic. The default rate is 1 kHz.
 #[derive(Debug)]
 pub struct Function(Instance);
 
-/// A component that records every sample that it reads from a topic. It reads at 1 kHz or, if
-/// [`triggered`](Self::triggered), at every publication. Clones of a probe share one record.
+/// A component that records samples of a topic. The probe reads the topic at 1 kHz or, if
+/// [`triggered`](Self::triggered), at every publication. Clones of a probe share their recorded samples.
 #[derive(Debug)]
 pub struct Probe<T: StateBuffer> {
     topic: String,

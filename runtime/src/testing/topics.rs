@@ -80,7 +80,7 @@ impl Drop for TopicSet {
     }
 }
 
-/// The ports of one component of a plan, in this process or another.
+/// The ports of one component of a plan. Each component may be in a separate process.
 #[derive(Debug)]
 pub struct Endpoint {
     plan: Plan,

@@ -11,8 +11,8 @@ pub enum PortError {
         /// Name of the port.
         port: String,
     },
-    /// The component opened the port with a type other than the declared one.
-    #[error("port `{port}` is opened with a type other than its declared type:\n{difference}")]
+    /// The component opened a port with a type other than the declared type.
+    #[error("port `{port}` is opened with a type that differs from its declared type:\n{difference}")]
     TypeChanged {
         /// Name of the port.
         port: String,
@@ -20,7 +20,7 @@ pub enum PortError {
         difference: String,
     },
     /// The topic and the port have different types.
-    #[error("topic `{topic}` has a type other than port `{port}` expects:\n{difference}")]
+    #[error("the type of topic `{topic}` differs from the type of port `{port}`:\n{difference}")]
     Layout {
         /// Name of the topic.
         topic: String,

@@ -69,9 +69,10 @@ impl<T: StateBuffer> Reading<'_, T> {
         *self.stamp
     }
 
-    /// Returns the time of the state, ns since the start of the run. This is the scheduled release of the
-    /// time-triggered step at the head of the trigger chain, on the grid of that step's rate, so difference
-    /// quotients do not jitter. `Tick::time_ns` of a time-triggered component is on the same clock.
+    /// Returns the time of the state, ns since the start of the run. The time of a state is the scheduled
+    /// release of the time-triggered step that started the trigger chain. It does not depend on how late this
+    /// step ran, so difference quotients do not jitter. `Tick::time_ns` of a time-triggered component is on
+    /// the same clock.
     pub fn time_ns(&self) -> u64 {
         self.stamp.state_time.saturating_sub(self.context.clock().start_ns())
     }
@@ -122,8 +123,8 @@ impl<T: StateBuffer> Input<T> {
         !matches!(self.source, Source::Unwired)
     }
 
-    /// Returns `true` if the topic has news: a publication since the last read of this input. Cheap enough
-    /// for polling loops: the call reads one word and does not disturb the publisher.
+    /// Returns `true` if the topic has been published since the last read of this input. Cheap enough for
+    /// polling loops: the call reads one word and does not disturb the publisher.
     #[inline]
     pub fn has_news(&self) -> bool {
         let (newest, seen) = match &self.source {
@@ -134,14 +135,14 @@ impl<T: StateBuffer> Input<T> {
         newest != if self.effects.is_of_this_episode() { seen } else { 0 }
     }
 
-    /// Waits until the topic is published again after the last read of this input, but at most for `longest`.
-    /// Returns `true` if there is a new value. Returns early on a launcher command or a signal.
+    /// Waits for a publication after the last read of this input, but at most for `longest`. Returns `true`
+    /// if there is a new value. Returns early on a launcher command or a signal.
     ///
-    /// Use it in a step that publishes a value and needs another component's reply, such as a bus that
-    /// publishes a state and needs the controller's command. Components triggered by the step are woken
-    /// first; this component then sleeps and leaves its core to them. Declare the maximum waiting time with
-    /// [`Declare::waits`](crate::declare::Declare::waits). In lockstep only one component steps at a time, so
-    /// the function returns immediately.
+    /// Use this function in a step that publishes a value and needs the reply of a component, such as a bus
+    /// that publishes a state and needs the controller's command. The function first wakes the components
+    /// that the step triggers. It then sleeps, so that these components can use the core. Declare the maximum
+    /// waiting time with [`Declare::waits`](crate::declare::Declare::waits). In lockstep only one component
+    /// steps at a time, so the function returns immediately.
     ///
     /// ```
     /// # use motorium::prelude::*;
@@ -178,13 +179,13 @@ impl<T: StateBuffer> Input<T> {
         self.read()
     }
 
-    /// Returns the next unread value: the next one in the queue of a stream, or the newest value of a state.
-    /// Returns `None` if there is no unread value.
+    /// Returns the next unread value: the next value in the queue of a stream, or the newest value of a
+    /// state. Returns `None` if there is no unread value.
     pub fn next_unread(&mut self) -> Option<Reading<'_, T>> {
         if self.advance() { self.read() } else { None }
     }
 
-    /// Returns the value that was read last, even if there is a newer one.
+    /// Returns the value that was read last, even if the topic has a newer value.
     #[inline]
     pub fn current(&self) -> Option<Reading<'_, T>> {
         if !self.effects.is_of_this_episode() {

@@ -7,8 +7,9 @@
 //! | parameter | a typed value, taken between two steps | iceoryx2 blackboard |
 //!
 //! [`Input`] and [`Output`] are the ports that a component uses in its steps, [`Trigger`] waits for a topic,
-//! and [`Tap`] reads every value from outside the graph. Ports for types known at run time are in
-//! [`raw`](crate::raw). Each run has its own [`Domain`], in which every topic is a service that `iox2` lists.
+//! and [`Tap`] reads every value from outside the graph. Ports for types that are only known at run time are
+//! in [`raw`](crate::raw). Each run has its own [`Domain`], in which every topic is a service that `iox2`
+//! lists.
 
 mod error;
 mod input;

@@ -48,7 +48,7 @@ enum Sink<T: StateBuffer> {
 
 /// A value to fill in place and publish. Dropping the loan publishes nothing.
 ///
-/// The loan contains data of an earlier value, so write every field.
+/// A loan initially contains the data of an earlier value, so write every field.
 #[derive(Debug)]
 pub struct Loan<'a, T: StateBuffer> {
     value: NonNull<T>,
@@ -102,8 +102,8 @@ impl<T: StateBuffer> Output<T> {
     /// Lends the memory of the next value, to be filled and published.
     ///
     /// # Errors
-    /// All samples of a stream are still in use by readers. This does not occur if every reader respects its
-    /// limits.
+    /// Readers still use all samples of a stream. This only happens if a reader holds more samples than it
+    /// may.
     #[inline]
     pub fn loan(&mut self) -> Result<Loan<'_, T>, StepError> {
         let (value, sample) = match &mut self.sink {
@@ -157,10 +157,10 @@ impl<T: StateBuffer> Loan<'_, T> {
     /// is checked while it is written, and [`publish`](Self::publish) does not read the array again. Returns
     /// the count of numbers written; the remaining entries are unchanged.
     ///
-    /// Use it for arrays of `f64` and `f32` that are too large for the L1 cache, such as maps, weights and
-    /// images: a separate check of such an array takes as long as filling it. Only the last array filled this
-    /// way skips the second check. Set counts and other fields beforehand: any later write through `&mut`
-    /// makes `publish` check the whole value again.
+    /// Use this function for arrays of `f64` and `f32` that are too large for the L1 cache, such as maps,
+    /// weights and images: a separate check of such an array takes as long as filling it. Only the last array
+    /// that this function fills skips the check in `publish`. Set counts and other fields before the call:
+    /// any later write through `&mut` makes `publish` check the whole value.
     ///
     /// ```
     /// # use motorium::prelude::*;
@@ -205,19 +205,20 @@ impl<T: StateBuffer> Loan<'_, T> {
     /// Publishes the value and wakes the components that the topic triggers.
     ///
     /// # Errors
-    /// [`StepError::InvalidOutput`] if a number of the value is not finite or a count exceeds its array.
-    /// Nothing is published then, and readers keep the previous value.
+    /// [`StepError::InvalidOutput`] if a number of the value is not finite or a count exceeds its array. In
+    /// this case nothing is published, and readers keep the previous value.
     pub fn publish(self) -> Result<(), StepError> {
         self.finish(None)
     }
 
-    /// Publishes the value like [`publish`](Self::publish), with an explicit source time: the time at which
-    /// it was measured, received or recorded, in ns on the clock of [`Stamp`](crate::state::Stamp)s
-    /// (`CLOCK_MONOTONIC`, or simulated time in lockstep).
+    /// Publishes the value like [`publish`](Self::publish), but with an explicit source time: the time at
+    /// which the value was measured, received or recorded, in ns on the clock of
+    /// [`Stamp`](crate::state::Stamp)s (`CLOCK_MONOTONIC`, or simulated time in lockstep).
     ///
-    /// The source time is otherwise inherited from the step's input or, without an input, is the time of
-    /// publication. End-to-end latencies are measured from it, and a `CommandGate` refuses a command whose
-    /// source time is too old. A source time at most 1 ms in the future is replaced by the current time.
+    /// With `publish`, the source time is inherited from the step's input or, without an input, is the time
+    /// of publication. End-to-end latencies are measured from the source time, and a `CommandGate` refuses a
+    /// command whose source time is too old. A source time at most 1 ms in the future is replaced by the
+    /// current time.
     ///
     /// ```
     /// # use motorium::component::RunClock;
@@ -232,7 +233,7 @@ impl<T: StateBuffer> Loan<'_, T> {
     ///
     /// # Errors
     /// Same as [`publish`](Self::publish). Also [`StepError::SourceInFuture`] if the source time is more than
-    /// 1 ms in the future; the value is then counted as refused and not published.
+    /// 1 ms in the future. In this case the value is counted as refused and not published.
     pub fn publish_from(self, source_ns: u64) -> Result<(), StepError> {
         self.finish(Some(source_ns))
     }

@@ -11,12 +11,12 @@ use crate::os::{Lock, OtherProcess, Owned};
 use crate::plan::TopicPlan;
 use crate::state::{Digest, Stamp, TypeLayout};
 
-/// A reader of every value of a topic, in order, from outside the graph. For tools and recorders.
+/// A reader of every value of a topic, in order, from outside the graph. Intended for tools and recorders.
 ///
 /// A tap costs the writer nothing, and the writer never waits for a tap. Older values of a state are read
-/// from its slots, which contain the values of its `history` plus a few. Values overwritten before they were
-/// read are counted ([`missed`](Self::missed)). A topic supports four taps at a time. A tap is released
-/// immediately when its process is killed.
+/// from the topic's slots, which contain at least the number of values that the graph sets as `history`.
+/// Values overwritten before they were read are counted ([`missed`](Self::missed)). A topic supports four
+/// taps at a time. A tap is released immediately when its process is killed.
 #[derive(Debug)]
 pub struct Tap {
     layout: TypeLayout,
@@ -62,15 +62,15 @@ pub(crate) fn side_pin(
     let take = |place: usize| Lock::take(&file, first + place as u32).ok().flatten();
     let free = memory.side_pins().enumerate().find_map(|(place, pin)| Some((take(place)?, pin)));
     free.ok_or_else(|| {
-        let full = &"four programs outside the graph already read it, expected at most three others";
+        let full = &"four programs outside the graph already read the topic, expected at most three";
         refused(&topic.name, "reading it from outside")(full)
     })
 }
 
 impl Tap {
-    /// Joins a topic. The first value read is the newest one of a state, or the next one of a stream. On a
-    /// topic of slices, such as images, the bytes of each value are consecutive elements with the
-    /// [layout](Self::layout).
+    /// Joins a topic. The first value read is the newest value of a state, or the next published value of a
+    /// stream. On a topic of slices, such as images, the bytes of each value are consecutive elements with
+    /// the [layout](Self::layout).
     ///
     /// # Errors
     /// The run or the topic cannot be opened, or four other programs already read the topic.

@@ -11,12 +11,13 @@ use crate::os::{Backoff, current_core, monotonic_ns};
 /// of a wake-up from there.
 pub(crate) const SPIN_NS: u64 = 20_000;
 
-/// The waiting side of a topic: sleeps until the next publication.
+/// The waiting side of a topic, with which a triggered component sleeps until the next publication.
 ///
-/// If the publisher runs on another core, a wake-up costs far more than reading the data. Therefore the
-/// waiter polls for about the duration of a wake-up before it sleeps. After an unsuccessful poll the next
-/// wait skips polling, then the next two, and so on up to 64. A component that waits for a millisecond at a
-/// time thus spends less than 0.1 % of its core on polling.
+/// If the publisher runs on a different core, a wake-up costs far more than reading the data. Therefore the
+/// waiter polls for about the duration of a wake-up before it sleeps. After an unsuccessful poll, the next
+/// wait does not poll. With each further unsuccessful poll, the number of waits without polling doubles, up
+/// to 64. A component that waits for a millisecond at a time thus spends less than 0.1 % of its core on
+/// polling.
 #[derive(Debug)]
 pub struct Trigger {
     memory: Rc<TopicMemory>,

@@ -28,9 +28,9 @@ pub struct DescribeRequest {
     pub kind: Option<String>,
     /// The `config` table of the component.
     pub config: serde_json::Value,
-    /// Robot of the component's key `robot` in the graph.
+    /// Robot named by the component's key `robot` in the graph.
     pub robot: Option<RobotReference>,
-    /// Robots of the component's key `robots` in the graph.
+    /// Robots named by the component's key `robots` in the graph.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub robots: Vec<RobotReference>,
     /// Placement of the component in the graph.
@@ -43,11 +43,11 @@ pub struct DescribeRequest {
 pub struct DescribeAnswer {
     /// Version of motorium with which the program was built.
     pub motorium: String,
-    /// Digest of the layout of shared memory, as in [`KindsAnswer`]; empty from builds that did not report
-    /// it.
+    /// Digest of the layout of shared memory, as in [`KindsAnswer`]; empty if the program was built with a
+    /// version that does not report a digest.
     #[serde(default)]
     pub memory: String,
-    /// Declaration of the component; `None` if it rejected the configuration.
+    /// Declaration of the component; `None` if the component rejected the configuration.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub declaration: Option<Declaration>,
     /// Error; `None` if the component accepted the configuration.
@@ -71,7 +71,7 @@ pub struct KindsAnswer {
 pub struct KindAnswer {
     /// Name of the kind in graph files.
     pub name: String,
-    /// One line of explanation, for lists.
+    /// One-line description, which is shown in lists of kinds.
     pub summary: String,
     /// True if the kind's configuration has a key `world`, which defaults to the graph's `[world]`.
     pub reads_world: bool,
@@ -102,7 +102,7 @@ impl KindAnswer {
 /// An error of a component's configuration.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct DescribeError {
-    /// Key of the `config` table that is at fault, dotted; `None` if no single key is.
+    /// Dotted path of the invalid key in the `config` table; `None` if the error concerns several keys.
     pub key: Option<String>,
     /// Message with the found value and the expected values.
     pub message: String,

@@ -12,7 +12,7 @@ use crate::declare::{ConfigError, Declaration, Declare, RobotReference};
 pub struct Kind {
     /// Name of the kind in graph files, `family.name`.
     pub name: &'static str,
-    /// One line of explanation, for lists.
+    /// One-line description, which is shown in lists of kinds.
     pub summary: &'static str,
     /// True if the kind's configuration has a key `world`, which defaults to the graph's `[world]`.
     pub reads_world: bool,
@@ -29,9 +29,9 @@ type DeclareFunction = fn(serde_json::Value, Declare) -> Result<Declaration, Con
 /// A configuration that was rejected.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ConfigProblem {
-    /// True if the configuration could not be parsed. The component has then not seen it.
+    /// True if the configuration could not be parsed and was therefore not passed to the component.
     pub unread: bool,
-    /// Error with the key at fault, the found value and the expected values.
+    /// Error with the invalid key, the found value and the expected values.
     pub error: ConfigError,
 }
 
@@ -40,7 +40,7 @@ impl Kind {
     ///
     /// A library should return its kinds from a function marked `#[inline(never)]`. The steps of its
     /// components are then compiled and optimised with the library. If the function were inlined, the steps
-    /// would be compiled with the optimisation of each caller.
+    /// would be compiled with each caller and its optimisation level.
     pub const fn of<C: Component>() -> Self {
         Self {
             name: C::KIND,
@@ -53,7 +53,8 @@ impl Kind {
         }
     }
 
-    /// Parses a configuration and returns the ports and parameters that the component declares for it.
+    /// Parses a configuration and returns the ports and parameters that the component declares for this
+    /// configuration.
     ///
     /// # Errors
     /// The configuration is invalid. The error names the key.
@@ -131,7 +132,7 @@ fn declaration(
 ) -> Result<Declaration, ConfigProblem> {
     if !declare.robots_fit() {
         let error = ConfigError::key("robots", format!("`{kind}` supports at most one robot"))
-            .advise("give it one by `robot = \"NAME\"`, and each of the others a separate component");
+            .advise("write `robot = \"NAME\"`, and add a separate component for each further robot");
         return Err(ConfigProblem { unread: false, error });
     }
     declared.map_err(|error| ConfigProblem { unread: false, error })?;
@@ -139,23 +140,23 @@ fn declaration(
 }
 
 /// Function that checks that the model and the profile of a robot exist and can be loaded. Returns warnings.
-/// The error contains the reason and advice, and names the invalid key if it is not `urdf`.
+/// An error contains the reason and advice. It names the invalid key, or no key if the invalid key is `urdf`.
 pub type RobotCheck = fn(&RobotReference) -> Result<Vec<String>, ConfigError>;
 
 /// Function that reads the gravity \[m/s^2\] from a file named by a graph's `[world]`. The error contains the
 /// reason why the file cannot be read.
 pub type GravityOfFile = fn(&Path) -> Result<[f64; 3], ConfigError>;
 
-/// Access to the robots that a program can load. The runtime itself provides none.
+/// Access to the robots that a program can load. The runtime itself provides no robots.
 #[derive(Debug, Clone, Copy)]
 pub struct RobotSource {
     /// Checks a robot of a graph file.
     pub check: RobotCheck,
 }
 
-/// Another installed program that hosts kinds of components.
+/// An installed program that hosts kinds of components which the current program lacks.
 ///
-/// The program must be in the same folder as the one that checks the graph, or on `PATH`.
+/// The program must be in the folder of the program that checks the graph, or on `PATH`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Sibling {
     /// First part of the names of the program's kinds, such as `view` of `view.web`.
@@ -167,7 +168,8 @@ pub struct Sibling {
     pub install: Option<&'static str>,
 }
 
-/// The component kinds and robots of a program, and the other programs that may host further kinds.
+/// The component kinds and robots that a program provides, and the sibling programs that may host further
+/// kinds.
 #[derive(Debug, Clone)]
 pub struct Registry {
     kinds: Vec<Kind>,
@@ -190,15 +192,15 @@ impl Registry {
         Self { kinds, robots, siblings: &[], gravity_of_file: None }
     }
 
-    /// Returns the registry with programs that host further kinds.
+    /// Returns the registry with these sibling programs, which may host further kinds.
     #[must_use]
     pub fn with_siblings(self, siblings: &'static [Sibling]) -> Self {
         Self { siblings, ..self }
     }
 
     /// Returns the registry with a reader for the gravity in the file of a graph's `[world]`.
-    /// `motorium_worlds::gravity_of_file` reads MJCF, URDF and SDF. Without a reader, kinds that read gravity
-    /// use their default if `[world]` leaves gravity to its file, and `motorium check` warns about it.
+    /// `motorium_worlds::gravity_of_file` reads MJCF, URDF and SDF. Without a reader, if gravity is only set
+    /// in the world's file, kinds that read gravity use their default, and `motorium check` prints a warning.
     #[must_use]
     pub fn with_gravity_of_file(self, reader: GravityOfFile) -> Self {
         Self { gravity_of_file: Some(reader), ..self }
@@ -209,13 +211,14 @@ impl Registry {
         self.gravity_of_file
     }
 
-    /// Returns the other program that is registered for the family of this kind, or `None` if none is.
+    /// Returns the sibling program that is registered for the family of this kind, or `None` if no program is
+    /// registered.
     pub fn sibling(&self, kind: &str) -> Option<&Sibling> {
         let (family, _) = kind.split_once('.')?;
         self.siblings.iter().find(|sibling| sibling.family == family)
     }
 
-    /// Returns the other programs that may host further kinds.
+    /// Returns the sibling programs, which may host further kinds.
     pub fn siblings(&self) -> &'static [Sibling] {
         self.siblings
     }

@@ -281,7 +281,8 @@ fn kind_that_reads_gravity_gets_it_from_the_world_file() {
     // A program without a reader keeps the defaults of its kinds, with a warning.
     let checked = check(&plain(), text(file, "")).unwrap_or_else(|error| panic!("{}", error.render(false)));
     assert_eq!(declared_ports(&checked), ["g9.5", "g9.5"]);
-    let warned =
-        |warning: &graph::Diagnostic| warning.report().message.contains("`one` does not know the gravity");
+    let warned = |warning: &graph::Diagnostic| {
+        warning.report().message.contains("component `one` cannot read the gravity")
+    };
     assert!(checked.warnings.iter().any(warned));
 }

@@ -2,9 +2,10 @@
 //!
 //! Two observations are combined. A thread on each core wakes every millisecond at the highest real-time
 //! priority, so a long gap between two wake-ups means that its core did not run. The kernel also counts the
-//! time that the host reports as stolen from each core. A gap alone is no evidence: the kernel throttles
-//! all real-time threads of a core on which one of them spins. Therefore a gap counts if the kernel reports
-//! at least half of it as stolen, or if all cores of a machine with two or more show it at the same time.
+//! time that the host reports as stolen from each core. A gap alone is no evidence: the kernel throttles all
+//! real-time threads of a core on which one of them spins. Therefore a gap only counts if the kernel reports
+//! at least half of it as stolen, or if all cores show the gap at the same time on a machine with two or more
+//! cores.
 
 use core::fmt;
 

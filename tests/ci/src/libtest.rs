@@ -1,8 +1,8 @@
 //! Reader of the output of `cargo test -- --show-output`.
 //!
-//! Test programs print a line as each test ends. At their end they print the output of passed tests, in
-//! which a test reports why it was skipped and when it reserved the machine, and then the output of failed
-//! tests.
+//! A test program prints a line when a test ends. At its end, it prints the output of passed tests and then
+//! the output of failed tests. The output of a test states why the test was skipped and when it reserved the
+//! machine.
 
 use std::collections::BTreeMap;
 

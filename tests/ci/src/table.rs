@@ -1,7 +1,7 @@
 //! The table of all steps.
 //!
-//! A step that needs the machine alone separates the steps before it from those after it. In between, one
-//! step of each lane runs at a time.
+//! A step that needs the whole machine starts when all steps before it have ended, and the steps after it
+//! start when it has ended. In between, one step of each lane runs at a time.
 
 use crate::step::{Machine, Step};
 use crate::steps::tools::{CHROMIUM, ICEORYX2, MCAP, MUJOCO, PYARROW, SCHEMAS, STRACE};

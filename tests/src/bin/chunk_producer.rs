@@ -1,5 +1,5 @@
-//! A policy outside of the graph, in another process: returns chunks of actions for the Panda late, twice or
-//! not at all, with discontinuities, until it is killed.
+//! A policy in a separate process outside the graph. Until it is killed, it returns chunks of actions for the
+//! Panda late, twice or not at all, with discontinuities.
 //!
 //! `chunk-producer RUN SEED`
 

@@ -1,10 +1,10 @@
-//! Reports intervals in which nothing ran on a computer. It sleeps for a millisecond repeatedly, and prints a
-//! line whenever the sleep took much longer, until it is terminated.
+//! Reports intervals in which nothing ran on a computer. The program repeatedly sleeps for a millisecond, and
+//! prints a line whenever the sleep took much longer, until it is terminated.
 //!
-//! A line contains the seconds since the computer started, the duration of the sleep in milliseconds, and the
-//! milliseconds of it in which its processors were idle. At the highest priority only the kernel can delay
-//! this program. If the processor was idle, even the kernel did not: the clock of the machine jumped beyond
-//! the release time.
+//! A line contains the seconds since the computer started, the duration of the sleep in milliseconds, and for
+//! how many of these milliseconds the processors were idle. At the highest priority, only the kernel can
+//! delay this program. If the processor was idle, the kernel did not delay it either: the clock of the
+//! machine jumped beyond the release time.
 
 use std::fs::File;
 use std::io::Error;

@@ -1,5 +1,5 @@
-//! A component whose ports follow from its configuration: it scales the numbers of a topic of any built-in
-//! type, or publishes constant ones.
+//! A component whose configuration defines its ports. It scales the numbers of a topic of any built-in type,
+//! or publishes constant numbers.
 
 use motorium::component::{ConfigureError, DynamicComponent, Episode, Setup, Tick};
 use motorium::declare::{ConfigError, Declare, StepError};

@@ -23,7 +23,8 @@ const DEFAULT_EXAMPLE: &str = "panda-reach";
 /// Returns the parser for the graph of a command that reads it more than once: standard input is refused.
 pub(crate) fn graph_file() -> impl TypedValueParser<Value = PathBuf> {
     PathBufValueParser::new().try_map(|path| {
-        let once = "this command starts the graph more than once, and standard input is read once: write it to a file";
+        let once = "this command starts the graph more than once, but standard input can only be read once: write \
+                    the graph to a file";
         if path == Path::new(STDIN) { Err(once) } else { Ok(path) }
     })
 }

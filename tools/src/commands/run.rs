@@ -96,7 +96,10 @@ pub(crate) struct Run {
 fn pace(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(factor) if factor.is_finite() && factor > 0.0 => Ok(factor),
-        _ => Err("expected a number above 0: the seconds of simulated time in one of real time".to_string()),
+        _ => {
+            Err("expected a number above 0: the seconds of simulated time per second of real time"
+                .to_string())
+        }
     }
 }
 
@@ -255,7 +258,8 @@ impl Run {
         }
         for (component, missed) in unexpected_misses(&report) {
             errln!(
-                "{} `{component}` missed {missed} of its goals; `--expect \"{component}.goals_missed == 0\"` makes that exit code {}",
+                "{} `{component}` missed {missed} of its goals; `--expect \"{component}.goals_missed == 0\"` \
+                 changes the exit code to {}",
                 style::warning("warning:"),
                 Code::Unmet as u8
             );
@@ -303,7 +307,7 @@ impl Run {
         let (found, help) = if plan.clock == ClockKind::Realtime {
             let reason =
                 format!("`--core {core}` is for `--clock lockstep`, and this graph runs in real time");
-            (reason, "the key `core` of a component is the core that it runs on".to_string())
+            (reason, "to choose the core of a component, set its key `core`".to_string())
         } else if cores.contains(&core) {
             return None;
         } else {

@@ -83,7 +83,7 @@ fn await_rounds(run: &LivingRun, rounds: u64) -> anyhow::Result<()> {
             return Ok(());
         }
         anyhow::ensure!(!launcher.wait(Some(LOOK)), "the run ended meanwhile");
-        anyhow::ensure!(header.is_paused(), "another program continues its simulated time");
+        anyhow::ensure!(header.is_paused(), "another program has continued the simulated time of the run");
         if taken != seen {
             (seen, since) = (taken, Instant::now());
         }

@@ -97,7 +97,7 @@ impl Stop {
             return Ok(ExitCode::SUCCESS);
         }
         errln!(
-            "{}: not in its safe state after {} s: {}; it goes there at its next step, if it makes one",
+            "{}: not in its safe state after {} s: {}; an actuator enters its safe state at its next step",
             style::error("error"),
             REACT_WITHIN.as_secs(),
             missing.join(", ")
@@ -135,7 +135,7 @@ impl Resume {
                 let state = if states().all(|state| state == GateState::Following) {
                     "follows its commands again"
                 } else if states().any(|state| state == GateState::Resuming) {
-                    "is resuming: its commands are approached at limited rates"
+                    "is resuming: it moves to its commands at limited rates"
                 } else {
                     "is released, and follows its commands once they are fresh"
                 };
@@ -162,7 +162,7 @@ fn end(run: &LivingRun, json: bool) -> anyhow::Result<ExitCode> {
     let within = END_WITHIN + Duration::from_nanos(run.plan.settle_ns());
     if !launcher.wait(Some(within)) {
         anyhow::bail!(
-            "its launcher does not end the run within {} s; `motorium stop --now` stops the robot without it",
+            "its launcher does not end the run within {} s; `motorium stop --now` stops the robot without the launcher",
             within.as_secs()
         );
     }

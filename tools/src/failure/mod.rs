@@ -33,9 +33,9 @@ pub(crate) struct Failure {
     exit_code: u8,
     /// The file at fault; `--set` for an override of the command line.
     file: Option<String>,
-    /// Line in that file, from 1.
+    /// Line in that file, counted from 1.
     line: Option<usize>,
-    /// Column in that line, from 1.
+    /// Column in that line, counted from 1.
     column: Option<usize>,
     /// The value found.
     found: Option<String>,

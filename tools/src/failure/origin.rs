@@ -1,4 +1,4 @@
-//! The position and the values in an error of a library.
+//! The position in a file, and the found and expected values, that an error of a library contains.
 
 use std::path::Path;
 

@@ -1,5 +1,5 @@
-//! Address at which metrics are served: `--metrics 9464` binds to this machine only; other addresses are
-//! written in full.
+//! Address at which metrics are served. A port alone, such as `--metrics 9464`, only serves this machine. For
+//! all other addresses, write the address and the port.
 
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::str::FromStr;

@@ -206,7 +206,10 @@ impl<'a> View<'a> {
             self.each(|c| seconds(c.spin_ns)),
         )?;
         families.counter(
-            &Family::seconds("component_watched", "Time in which spinning watched for stalls of the core."),
+            &Family::seconds(
+                "component_watched",
+                "Time of spinning, in which stalls of the core are measured.",
+            ),
             self.each(|c| seconds(c.stalls.watched_ns)),
         )?;
         families.counter(
@@ -217,7 +220,7 @@ impl<'a> View<'a> {
             self.each(|c| c.stalls.count),
         )?;
         families.counter(
-            &Family::seconds("component_stalled", "Total duration of these stalls."),
+            &Family::seconds("component_stalled", "Total duration of the stalls of the core."),
             self.each(|c| seconds(c.stalls.total_ns)),
         )?;
         let there = |of: fn(&super::thread::Usage) -> u64| {

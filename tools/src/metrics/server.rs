@@ -17,7 +17,7 @@ use crate::runs::LivingRun;
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum ServeError {
     #[error(
-        "metrics cannot be served on {0}: another program has this port; choose another, or 0 for any that is free"
+        "metrics cannot be served on {0}: another program has this port; choose another port, or 0 for any free port"
     )]
     Taken(SocketAddr),
     #[error("metrics cannot be served on {address}: {reason}")]

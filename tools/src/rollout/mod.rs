@@ -1,5 +1,5 @@
-//! Roll-outs of a graph, judged by figures of their report: lockstep runs in an inline session, or runs in
-//! real time.
+//! Roll-outs: short runs of a graph that are judged by figures in their reports. They run in lockstep in an
+//! inline session, or in real time.
 
 mod overlay;
 mod safe_states;
@@ -255,7 +255,7 @@ fn reason(report: &Report, figure: &str) -> Option<String> {
     result.get("no_value")?.as_str().map(str::to_owned)
 }
 
-/// Returns the cores that this program may run on.
+/// Returns the cores of `machine` on which this program may run.
 pub fn allowed_cores(machine: &Machine) -> Vec<usize> {
     let online = machine.cores();
     let allowed = rustix::thread::sched_getaffinity(None);

@@ -42,7 +42,7 @@ fn same_recording_gives_the_same_moving_picture() {
     assert!(palette(&picture).iter().any(orange), "{:?}", palette(&picture));
 
     let refused = |options: &[&str]| complaint(&[&["animate", file.as_str()], options].concat());
-    assert!(refused(&["--from", "2s"]).contains("`--from` is 2 s, expected before"));
+    assert!(refused(&["--from", "2s"]).contains("`--from` is 2 s, expected a time before"));
     assert!(refused(&["--speed", "0"]).contains("`--speed` is 0, expected above 0"));
     assert!(refused(&["--fps", "60"]).contains("`--fps` is 60, expected 1 to 50"));
     assert!(refused(&["--speed", "0.001", "--fps", "50"]).contains("million dots, expected at most 200;"));

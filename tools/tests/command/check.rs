@@ -61,7 +61,10 @@ fn staleness_of_one_actuator_is_printed() {
     let output = run(&["check", REACH, "--set", &safety("500 us")]);
     let errors = text(&output.stderr);
     assert_eq!(output.status.code(), Some(3), "{errors}");
-    assert!(errors.contains("commands of `physics` become stale before the next one arrives"), "{errors}");
+    assert!(
+        errors.contains("commands of `physics` become stale before the next command arrives"),
+        "{errors}"
+    );
 }
 
 #[test]
@@ -146,7 +149,7 @@ fn check_uses_saved_calibration_of_this_machine() {
     std::fs::write(&file, saved.replace("\"cores\": ", "\"cores\": 9")).expect("written");
     let (counted, origin) = overheads(folder.path());
     assert_eq!(counted, cautious);
-    assert!(origin.contains("another machine"), "{origin}");
+    assert!(origin.contains("a different machine"), "{origin}");
     // as saved by an older motorium, with fewer numbers
     std::fs::write(&file, saved.replace("timer_ns", "other_ns")).expect("written");
     let (counted, origin) = overheads(folder.path());

@@ -83,7 +83,10 @@ fn graph_from_stdin_is_refused_if_read_twice() {
         command.stdin(std::fs::File::open(&graph).expect("it was written"));
         let output = command.output().expect("it runs");
         let errors = String::from_utf8_lossy(&output.stderr);
-        assert!(errors.contains("standard input is read once: write it to a file"), "{command:?}: {errors}");
+        assert!(
+            errors.contains("standard input can only be read once: write the graph to a file"),
+            "{command:?}: {errors}"
+        );
         assert_eq!(output.status.code(), Some(2), "{command:?}: {errors}");
     }
 }

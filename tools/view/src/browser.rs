@@ -1,4 +1,4 @@
-//! A Chromium without a window, driven through its debugging protocol.
+//! A headless Chromium, controlled through its debugging protocol.
 
 use std::io::{BufRead as _, BufReader};
 use std::net::TcpStream;
@@ -21,7 +21,7 @@ const START_WITHIN: Duration = Duration::from_secs(60);
 /// Maximum time for an answer.
 const ANSWER_WITHIN: Duration = Duration::from_secs(60);
 
-/// Error of the browser: missing, not started, or a refused command.
+/// Error of the browser: it is missing, does not start, or rejects a command.
 #[derive(Debug, thiserror::Error)]
 pub enum BrowserError {
     /// No browser is installed.
@@ -30,9 +30,9 @@ pub enum BrowserError {
     /// The browser cannot be started.
     #[error("{} does not start: {reason}", .program.display())]
     Start {
-        /// The program.
+        /// Path of the browser.
         program: PathBuf,
-        /// Output of the browser, or the system's reason.
+        /// Output of the browser, or the error of the operating system.
         reason: String,
     },
     /// The connection to the browser broke.
@@ -41,7 +41,7 @@ pub enum BrowserError {
     /// The browser rejected a command, or the page threw an error.
     #[error("the browser refuses `{method}`: {reason}")]
     Refused {
-        /// The command.
+        /// Name of the rejected command.
         method: String,
         /// Reason reported by the browser.
         reason: String,
@@ -68,7 +68,7 @@ pub struct Browser {
 }
 
 impl Browser {
-    /// Returns the path of an installed browser; `None` if there is none.
+    /// Returns the path of an installed browser, or `None` if no browser is installed.
     pub fn find() -> Option<PathBuf> {
         let path = std::env::var_os("PATH").unwrap_or_default();
         let folders: Vec<PathBuf> = std::env::split_paths(&path).collect();
@@ -77,10 +77,10 @@ impl Browser {
             .find_map(|name| folders.iter().map(|folder| folder.join(name)).find(|file| file.is_file()))
     }
 
-    /// Opens a page in a new browser. Its window has this width and height, pixels.
+    /// Opens a page in a new browser, whose window has this width and height in pixels.
     ///
     /// # Errors
-    /// No browser is installed, or it does not start.
+    /// No browser is installed, or the browser does not start.
     pub fn open(address: &str, (width, height): (u32, u32)) -> Result<Self, BrowserError> {
         let program = Self::find().ok_or(BrowserError::Missing)?;
         let failed = |reason: String| BrowserError::Start { program: program.clone(), reason };
@@ -146,7 +146,7 @@ impl Browser {
     /// Takes a screenshot of the page as PNG.
     ///
     /// # Errors
-    /// The browser fails to take one.
+    /// The browser cannot take a screenshot.
     pub fn picture(&mut self) -> Result<Vec<u8>, BrowserError> {
         let method = "Page.captureScreenshot";
         let answer = self.order(method, json!({ "format": "png" }))?;

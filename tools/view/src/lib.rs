@@ -1,9 +1,10 @@
 //! The viewer of motorium: a separate program that `motorium view` starts.
 //!
-//! It serves one port of the loopback interface: its own page over HTTP, and Foxglove's WebSocket
-//! protocol (`foxglove.sdk.v1`), which the page speaks as Foxglove and Lichtblick do. It reads the shared
-//! memory of the run by taps, on the shared cores, at most [`Request::rate_hz`] times a second, and only for
-//! subscribed clients. No component waits for it or does any work for it.
+//! The viewer serves one port of the loopback interface. On this port it serves its own page over HTTP, and
+//! Foxglove's WebSocket protocol (`foxglove.sdk.v1`). The page, Foxglove and Lichtblick all use this
+//! protocol. The viewer reads the shared memory of the run through taps, on the shared cores, at most
+//! [`Request::rate_hz`] times a second, and only for subscribed clients. No component waits for the viewer or
+//! does any work for it.
 //!
 //! | module | contents |
 //! |---|---|
@@ -63,7 +64,12 @@ pub fn main() -> ExitCode {
             return ExitCode::from(2);
         }
     };
-    let served = request.context("the order of `motorium view`: is it of another version?").and_then(serve);
+    let served = request
+        .context(
+            "reading the request of `motorium view`: does its version differ from the \
+             viewer's?",
+        )
+        .and_then(serve);
     match served {
         Ok(code) => code,
         Err(error) => {

@@ -5,10 +5,10 @@ use std::path::PathBuf;
 use motorium::schedule::Overheads;
 use serde::Deserialize;
 
-/// First argument of the program when started by `motorium view`; the second is the request as JSON.
+/// First argument of the program when started by `motorium view`. The second argument is the request as JSON.
 pub const SERVE: &str = "motorium-view";
 
-/// A request of `motorium view`.
+/// A request of `motorium view` to the viewer program: the run or recording to show, the port and the rates.
 ///
 /// ```
 /// use motorium_view::Request;
@@ -23,24 +23,25 @@ pub const SERVE: &str = "motorium-view";
 pub struct Request {
     /// Path of the `motorium` command that sent the request, used to start further processes.
     pub motorium: PathBuf,
-    /// Graph to start; `None` to view a run started elsewhere.
+    /// Graph to start; `None` to view a run that was started separately.
     #[serde(default)]
     pub graph: Option<PathBuf>,
     /// Recording to play; `None` to view a run.
     #[serde(default)]
     pub recording: Option<PathBuf>,
-    /// Options for `motorium run`, besides the graph.
+    /// Options for `motorium run`, without the graph.
     #[serde(default)]
     pub arguments: Vec<String>,
-    /// Id of the first run to view, followed by newer runs of its graph. Without an id and a graph, the
-    /// newest run.
+    /// Id of the first run to view. When it has ended, the viewer follows newer runs of the same graph.
+    /// `None` for the newest run, unless `graph` is set.
     #[serde(default)]
     pub run: Option<String>,
     /// Port on the loopback interface; 0 for any free port.
     pub port: u16,
     /// Maximum rate at which samples of a topic are sent, Hz.
     pub rate_hz: f64,
-    /// File for a screenshot from a headless browser that also checks the page; `None` to serve.
+    /// File for a screenshot of the page. If set, the viewer checks the page in a headless browser and ends;
+    /// `None` to serve the page.
     #[serde(default)]
     pub headless_check: Option<PathBuf>,
     /// `true` if an internal client subscribes to everything, for measurements of the viewer's cost.
@@ -49,10 +50,10 @@ pub struct Request {
     /// Overheads of this machine, for the predicted timeline; `None` for motorium's cautious defaults.
     #[serde(default)]
     pub overheads: Option<Overheads>,
-    /// Time of the command, ms since 1970.
+    /// Time at which the command `motorium view` started, ms since 1970.
     #[serde(default)]
     pub began_ms: Option<u64>,
-    /// Token required for commands; `None` generates a random one.
+    /// Token required for commands; `None` generates a random token.
     #[serde(default)]
     pub token: Option<String>,
 }

@@ -62,6 +62,6 @@ fn a_base_at_50_hz_and_an_arm_at_1_khz_share_a_graph() {
 fn command_stale_before_its_successor_is_rejected() {
     let refused =
         graph("[component.base.safety]\nstale_after = \"10 ms\"\n").check().unwrap_err().render(false);
-    assert!(refused.contains("commands of `base` become stale before the next one arrives"), "{refused}");
+    assert!(refused.contains("commands of `base` become stale before the next command arrives"), "{refused}");
     assert!(refused.contains("10 ms, shorter than 20 ms"), "{refused}");
 }

@@ -189,7 +189,7 @@ fn invalid_settings_of_several_robots_are_found_early() {
             "rate = \"1 kHz\"\nconfig = { start = { up = {} } }",
             "`up` is not one of the robots",
         ),
-        ("rate = \"1 kHz\"", "rate = \"1 kHz\"\nconfig = { world = {} }", "has another one"),
+        ("rate = \"1 kHz\"", "rate = \"1 kHz\"\nconfig = { world = {} }", "has its own world"),
         ("ground = {", "grund = {", "unknown key `grund`"),
         ("height = -0.5", "friction = -0.5", "`friction` is -0.5"),
         ("\"left.joint_command\" =", "\"joint_command\" =", "no input `joint_command`"),

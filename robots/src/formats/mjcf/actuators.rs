@@ -27,7 +27,7 @@ pub(crate) fn read_actuators<'a, 'i>(
         let armature = actuator.number("armature", 0.0)?;
         let [damping, quadratic, cubic] = actuator.first_numbers("damping", [0.0; 3])?;
         if quadratic != 0.0 || cubic != 0.0 {
-            return Err(actuator.refused("damping", "damping is proportional to velocity here"));
+            return Err(actuator.refused("damping", "only damping proportional to velocity is supported"));
         }
         if armature != 0.0 || damping != 0.0 {
             let attribute = if armature != 0.0 { "armature" } else { "damping" };
@@ -36,7 +36,7 @@ pub(crate) fn read_actuators<'a, 'i>(
                 return Err(actuator.refused(attribute, "only actuators of a joint support it"));
             };
             if is_free(section, node.attribute(target)) {
-                return Err(actuator.refused(attribute, "a free base has none"));
+                return Err(actuator.refused(attribute, "a free base cannot have it"));
             }
             let joint = &mut bodies[joint_named(bodies, attributes, node, target)?].joint;
             let [gear, ..] = actuator.first_numbers("gear", [1.0, 0.0, 0.0, 0.0, 0.0, 0.0])?;

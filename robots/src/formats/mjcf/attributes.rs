@@ -28,7 +28,8 @@ struct Given<'a, 'i> {
 /// numbers of the previous one.
 type Values<'a, 'i> = HashMap<&'a str, Vec<Given<'a, 'i>>>;
 
-/// Lines of the text, its `<default>` classes (values by element type) and the warnings so far.
+/// Reader of an MJCF file's attributes: knows the `<default>` classes and the line numbers, and collects
+/// warnings.
 pub struct Attributes<'a, 'i> {
     lines: Lines<'a>,
     classes: HashMap<&'a str, HashMap<&'static str, Values<'a, 'i>>>,
@@ -144,7 +145,7 @@ impl<'a, 'i> Attributes<'a, 'i> {
     }
 
     /// Returns an element with its default values, after checking all attributes against `schema`. `around`
-    /// is the class of the surrounding bodies.
+    /// is the default class that the surrounding bodies set.
     ///
     /// # Errors
     /// The class is unknown, or `schema` rejects an attribute.
@@ -157,7 +158,8 @@ impl<'a, 'i> Attributes<'a, 'i> {
         self.unchecked(node, around, schema)?.checked()
     }
 
-    /// Adds a warning that something is ignored. Repeated warnings are counted.
+    /// Adds a warning that the attribute or element described by `what` is ignored. Repeated warnings are
+    /// counted.
     pub fn ignored(&self, node: Node<'_, '_>, what: String, reason: &'static str) {
         let mut warnings = self.warnings.borrow_mut();
         for warning in warnings.iter_mut() {
@@ -178,7 +180,7 @@ impl<'a, 'i> Attributes<'a, 'i> {
         warnings.extend(new);
     }
 
-    /// Takes the warnings so far, leaving none.
+    /// Removes and returns all warnings collected so far.
     pub fn warnings(&self) -> Vec<ModelWarning> {
         self.warnings.take()
     }
@@ -321,8 +323,8 @@ impl<'a, 'i> Element<'_, 'a, 'i> {
         Ok(self.numbers::<1>(name)?.map_or(default, |[x]| x))
     }
 
-    /// Returns `N` numbers. Missing trailing numbers are taken from the element's class, then from its parent
-    /// classes, then from `default`.
+    /// Returns `N` numbers of an attribute. Missing trailing numbers are taken from the element's class, then
+    /// from its parent classes, then from `default`.
     ///
     /// # Errors
     /// See [`Attributes::parse`].

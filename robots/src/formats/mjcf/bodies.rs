@@ -14,8 +14,8 @@ use super::pose::{between, pose};
 use super::schema::{BODY, FRAME, FREEJOINT, JOINT, SITE};
 use crate::{Base, Body, Colour, Frame, Inertia, Shape, Srdf};
 
-/// Maximum nesting depth of bodies and frames. The reader recurses, and must fit into half of a thread's
-/// stack.
+/// Maximum nesting depth of bodies and frames. The limit exists because the reader is recursive, and may use
+/// at most half of a thread's stack.
 pub const DEEPEST: usize = 150;
 
 /// The context of an element.
@@ -277,7 +277,7 @@ impl<'b, 'a, 'i> Tree<'b, 'a, 'i> {
             return Err(self.two_robots(node));
         }
         if !around.top {
-            return Err(joint.fault("a free joint belongs to a body of the world"));
+            return Err(joint.fault("only a body of the world can have a free joint"));
         }
         let sites = self.sites.iter_mut().map(|(_, frame)| frame);
         self.frames.iter_mut().chain(sites).for_each(|frame| frame.in_world = true);
@@ -342,7 +342,7 @@ impl<'b, 'a, 'i> Tree<'b, 'a, 'i> {
     }
 }
 
-/// Returns the name of a body. An unnamed body is named by its index in the file.
+/// Returns the name of a body. The name of an unnamed body is derived from its index in the file.
 pub fn body_name(node: Node<'_, '_>) -> String {
     node.attribute("name").map_or_else(
         || {

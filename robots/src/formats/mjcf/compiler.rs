@@ -34,9 +34,10 @@ pub struct Compiler {
     pub(crate) align_free: bool,
     /// Folder of mesh files, relative to the file.
     pub mesh_folder: PathBuf,
-    /// `true` if the folders in the names of mesh files are ignored.
+    /// `true` if only the last part of a mesh's path is used (`strippath`).
     pub strip_path: bool,
-    /// Total mass that the file sets for all bodies, including static ones \[kg\]; `None` if it does not.
+    /// Total mass that the file sets for all moving and static bodies together \[kg\]; `None` if the file
+    /// does not set it.
     pub total_mass: Option<f64>,
 }
 

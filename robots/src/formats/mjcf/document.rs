@@ -9,7 +9,7 @@ use crate::Position;
 ///
 /// # Errors
 ///
-/// [`MjcfProblem::Xml`] with its position. The file is not set.
+/// [`MjcfProblem::Xml`] with its position in the text, but without the path of the file.
 pub fn parse_document(text: &str) -> Result<Document<'_>, MjcfError> {
     let options = ParsingOptions { allow_dtd: true, ..Default::default() };
     Document::parse_with_options(text, options).map_err(|error| {

@@ -1,4 +1,4 @@
-//! `<equality><joint>`: one joint follows another.
+//! `<equality><joint>`: couplings with which one joint follows another joint.
 
 use roxmltree::Node;
 

@@ -94,7 +94,7 @@ pub enum MjcfProblem {
         /// The duplicate name.
         name: String,
     },
-    /// Any other problem, with its message.
+    /// A problem that has no separate variant, with its message.
     #[error("{0}")]
     Other(String),
 }

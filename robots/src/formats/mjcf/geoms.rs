@@ -19,7 +19,7 @@ use crate::{Colour, Geometry, Inertia, ModelWarning, Shape, ShapeSource, Triangl
 /// Side length and thickness of the box that represents an infinite plane of the world \[m\].
 const PLANE: [f64; 2] = [100.0, 1.0];
 
-/// Default density \[kg/m3\].
+/// Default density of geoms, the density of water \[kg/m3\].
 pub const WATER: f64 = 1000.0;
 
 /// Last geom group that is visible by default in MuJoCo's viewer.
@@ -54,7 +54,7 @@ pub struct Geom {
     pub masks: [i32; 2],
     /// `true` if the geom becomes a shape of the model.
     pub kept: bool,
-    /// Colour specified by the geom or its material; `None` without one.
+    /// Colour of the geom or its material; `None` if neither sets a colour.
     pub colour: Option<Colour>,
     /// `true` if MuJoCo's viewer shows the geom by default.
     pub is_seen: bool,
@@ -82,8 +82,8 @@ impl<'b, 'a, 'i> Geoms<'b, 'a, 'i> {
 }
 
 impl<'a, 'i> Geoms<'_, 'a, 'i> {
-    /// Reads a geom. `in_world` is `true` if its body does not move. `around` is the class of the surrounding
-    /// bodies.
+    /// Reads a geom. `in_world` is `true` if its body does not move. `around` is the default class that the
+    /// surrounding bodies set.
     ///
     /// # Errors
     /// A class, mesh or material is unknown, a shape is not supported, or a value is malformed.
@@ -231,7 +231,8 @@ impl<'a, 'i> Geoms<'_, 'a, 'i> {
     /// Checks that the inertia of a geom is computed for a solid.
     ///
     /// # Errors
-    /// The inertia of the geom or its mesh is computed in another way, such as for a shell.
+    /// The file requests that the inertia of the geom or its mesh is not computed for a solid, but for
+    /// example for a shell.
     pub fn check_solid(&self, geom: &Element<'_, 'a, 'i>) -> Result<(), MjcfError> {
         if geom.flag("shellinertia", false)? {
             return Err(geom.refused("shellinertia", SHELL));

@@ -105,7 +105,7 @@ impl Expanded {
         (path.as_deref(), Lines::new(text).position((from + offset - start).min(text.len())))
     }
 
-    /// Returns the error with its position in the file in which it occurred.
+    /// Converts the position of an error in the expanded text to its position in the original file.
     pub fn located(&self, error: MjcfError) -> MjcfError {
         if error.file.is_some() {
             return error;
@@ -114,8 +114,8 @@ impl Expanded {
         MjcfError { file: file.map(Path::to_owned), at, ..error }
     }
 
-    /// Returns the warning with its position in the file in which it occurred. The file is named unless it is
-    /// the main file.
+    /// Converts the position of a warning in the expanded text to its position in the original file. Names
+    /// the file, unless it is the main file.
     pub fn located_warning(&self, warning: ModelWarning) -> ModelWarning {
         let name = |file: Option<&Path>, what: String| {
             let included = file.filter(|file| Some(*file) != self.files[0].0.as_deref());

@@ -47,7 +47,7 @@ impl<'a, 'i> Tree<'_, 'a, 'i> {
         let reference = joint.number("ref", 0.0)? * unit;
         let [damping, quadratic, cubic] = joint.first_numbers("damping", [0.0; 3])?;
         if quadratic != 0.0 || cubic != 0.0 {
-            return Err(joint.refused("damping", "damping is proportional to velocity here"));
+            return Err(joint.refused("damping", "only damping proportional to velocity is supported"));
         }
         let [mut stiffness, quadratic, cubic] = joint.first_numbers("stiffness", [0.0; 3])?;
         if quadratic != 0.0 || cubic != 0.0 {
@@ -118,7 +118,7 @@ impl<'a, 'i> Tree<'_, 'a, 'i> {
             "false" => Ok(None),
             "true" if given.is_none() => Err(joint.missing(range)),
             "true" if low >= high => {
-                Err(joint.refused(range, "expected the lower limit before the upper one"))
+                Err(joint.refused(range, "expected the lower limit before the upper limit"))
             }
             "true" => Ok(given),
             "auto" if [low, high] != [0.0; 2] && !self.geoms.compiler.auto_limits => {
@@ -138,7 +138,7 @@ impl<'a, 'i> Tree<'_, 'a, 'i> {
     ) -> Result<(), MjcfError> {
         for name in ["armature", "damping", "frictionloss", "springdamper"] {
             if joint.get(name).is_some_and(|value| !is_off(value)) {
-                return Err(joint.refused(name, "a free base has none; write a <freejoint/>"));
+                return Err(joint.refused(name, "a free base cannot have it; write a <freejoint/>"));
             }
         }
         if joint.get("stiffness").is_some_and(|value| !is_off(value)) {

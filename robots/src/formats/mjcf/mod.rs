@@ -1,14 +1,16 @@
 //! Reader of MuJoCo's format, MJCF, as a [`Model`].
 //!
 //! A file is interpreted as in MuJoCo, or rejected with line and column. The tables of `schema` classify
-//! every attribute. It is read, has no effect on a model, is ignored with a [`ModelWarning::Ignored`]
-//! (springs, actuators, tendons), or is rejected if its value has an effect. `docs/src/mjcf.md` lists all
+//! every attribute as read, as without effect on a model, as ignored with a [`ModelWarning::Ignored`]
+//! (springs, actuators, tendons), or as rejected if its value has an effect. `docs/src/mjcf.md` lists all
 //! attributes.
 //!
-//! The building blocks are public for readers of other content, such as worlds: [`expand`] a text,
-//! [`parse_document`], read the [`Attributes`] and the [`Compiler`], then elements and [`Geoms`].
+//! The parts of the reader are public, so that crates can read content that is not a robot, such as worlds.
+//! First [`expand`] a text and call [`parse_document`]. Then read the [`Attributes`] and the [`Compiler`],
+//! and finally the elements and [`Geoms`].
 //!
-//! Replicas and attachments are not supported. MuJoCo itself writes a file without them (`mj_saveLastXML`).
+//! Replicas and attachments are not supported. MuJoCo's function `mj_saveLastXML` writes an equivalent file
+//! without them.
 
 mod actuators;
 mod attributes;
@@ -46,12 +48,12 @@ pub use sections::read_assets;
 
 use crate::LoadOptions;
 
-/// Parses MJCF `text`. `file` is its path, which is used in messages and to find meshes.
+/// Parses MJCF `text`. `file` is the path of the text, which is used in messages and to find meshes.
 ///
-/// A body has the same frame and name as in MuJoCo. A body with several joints becomes a chain of massless
-/// bodies `NAME/JOINT`, the last of which is the body itself. Geoms that do not collide (`contype` and
-/// `conaffinity` zero) are not collision shapes but contribute to the inertia. The base floats if the only
-/// body that moves in the world has a free joint.
+/// A body has the same frame and name as in MuJoCo. A body with several joints becomes a chain: massless
+/// bodies `NAME/JOINT`, followed by the body itself. Geoms that do not collide (`contype` and `conaffinity`
+/// zero) are not collision shapes, but contribute to the inertia. The base floats if exactly one body of the
+/// world moves and this body has a free joint.
 ///
 /// # Errors
 ///

@@ -12,8 +12,8 @@ pub struct MjcfRobot {
     /// Pairs of bodies that cannot collide because of `<contact><exclude>`, `contype` or `conaffinity`, as
     /// rules for a [`CollisionModel`](crate::CollisionModel).
     pub exclusions: Srdf,
-    /// Poses from keyframes, and gains and undriven joints from actuators; `None` if the file has neither
-    /// keyframes nor position actuators.
+    /// Profile of the robot: poses from the file's keyframes, and gains and undriven joints from its
+    /// actuators. `None` if the file has neither keyframes nor position actuators.
     pub profile: Option<Profile>,
     /// Colours of the model's shapes, from the `rgba` of its geoms or their materials.
     pub colours: LinkColours,

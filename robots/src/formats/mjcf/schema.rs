@@ -1,7 +1,8 @@
 //! Classification of the attributes of each element.
 //!
-//! An attribute that is not in a table is rejected, in an element or a `<default>` class. An attribute with
-//! rejected effects is an error only if its value has an effect: `shellinertia="false"` is accepted.
+//! An attribute that is missing in its table is rejected, both in an element and in a `<default>` class. An
+//! attribute whose effect is not supported is only an error if its value has an effect:
+//! `shellinertia="false"` is accepted.
 
 /// Treatment of an attribute.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -155,7 +156,7 @@ pub(crate) const MESH: Schema = Schema {
         // solid's.
         (Use::Read, &["inertia"]),
         (Use::NoEffect, &["smoothnormal", "maxhullvert", "content_type", "material"]),
-        (Use::Refused("move the mesh in its file, or the geom"), &["refpos", "refquat"]),
+        (Use::Refused("move the mesh in its file, or move the geom"), &["refpos", "refquat"]),
         (Use::Refused("write the mesh to a file"), &["builtin", "params"]),
     ],
 };

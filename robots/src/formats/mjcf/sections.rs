@@ -42,8 +42,8 @@ pub(crate) fn check_options<'a, 'i>(
     Ok(())
 }
 
-/// Reads the meshes and materials of an `<asset>` section. `file` is the path of the MJCF file, to whose
-/// folder mesh files are relative.
+/// Reads the meshes and materials of an `<asset>` section. Relative paths of meshes refer to the folder of
+/// `file`, the MJCF file.
 ///
 /// # Errors
 /// An element or attribute is not supported, or a value is malformed.

@@ -42,8 +42,8 @@ pub enum UrdfProblem {
     /// The XML is not well-formed.
     #[error("not well-formed XML: {0}")]
     Xml(String),
-    /// The file uses an entity that it declares.
-    #[error("entities are not supported; write the value of this one where it is used")]
+    /// The file declares and uses an XML entity, which is not supported.
+    #[error("XML entities are not supported; write the value of the entity where it is used")]
     Entity,
     /// The file is an unexpanded xacro file.
     #[error("this is a xacro file, not yet URDF; expand it first: xacro IN.urdf.xacro > OUT.urdf")]
@@ -107,9 +107,9 @@ pub enum UrdfProblem {
     },
     /// The joint type is not supported.
     #[error(
-        "joint \"{joint}\" is {kind}; only revolute, continuous, prismatic, planar and fixed joints are \
-         supported, and one floating joint that carries the rest of the robot (model it as a chain of these, with massless links \
-         between)"
+        "joint \"{joint}\" is {kind}; only revolute, continuous, prismatic, planar and fixed joints are supported, \
+         and one floating joint that carries the rest of the robot (model the joint as a chain of these, with \
+         massless links in between)"
     )]
     UnsupportedJointType {
         /// Name of the joint.
@@ -127,7 +127,7 @@ pub enum UrdfProblem {
         /// Line of the first occurrence.
         first: u32,
     },
-    /// The joint refers to an undefined link.
+    /// A joint refers to a link that the file does not define.
     #[error("the {role} link of joint \"{joint}\" is \"{link}\", which does not exist{}", suggestion(.nearest.as_deref()))]
     UnknownLink {
         /// Name of the joint.
@@ -146,9 +146,9 @@ pub enum UrdfProblem {
     TwoParents {
         /// Name of the link.
         link: String,
-        /// Name of one joint.
+        /// Name of the first joint.
         first: String,
-        /// Name of the other joint.
+        /// Name of the second joint.
         second: String,
     },
     /// Several links, with these names, have no parent joint.
@@ -157,7 +157,7 @@ pub enum UrdfProblem {
     /// The links with these names, in this order, form a loop.
     #[error("the links form a loop: {}; a URDF must be a tree", .0.join(" -> "))]
     Loop(Vec<String>),
-    /// The joint mimics an undefined joint.
+    /// A joint mimics a joint that the file does not define.
     #[error("joint \"{joint}\" mimics \"{of}\", which does not exist{}", suggestion(.nearest.as_deref()))]
     UnknownMimic {
         /// Name of the joint.
@@ -167,7 +167,7 @@ pub enum UrdfProblem {
         /// The closest existing joint.
         nearest: Option<String>,
     },
-    /// The joint mimics a fixed joint.
+    /// A joint mimics a fixed joint, which has no position.
     #[error("joint \"{joint}\" mimics \"{of}\", which is fixed")]
     MimicOfFixed {
         /// Name of the joint.
@@ -175,7 +175,7 @@ pub enum UrdfProblem {
         /// Name of the fixed joint.
         of: String,
     },
-    /// The joint mimics a joint with several coordinates.
+    /// A joint mimics a joint with several coordinates, which is not supported.
     #[error(
         "joint \"{joint}\" mimics \"{of}\", which is {kind} and has no single position; expected a revolute, continuous \
          or prismatic joint"
@@ -227,7 +227,7 @@ pub enum UrdfProblem {
         /// Mass of the link \[kg\].
         mass: f64,
     },
-    /// Any other problem, with its message.
+    /// A problem that has no separate variant, with its message.
     #[error("{0}")]
     Reader(String),
 }

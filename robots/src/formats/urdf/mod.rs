@@ -35,11 +35,11 @@ pub use write::{DrawnRobot, draw_as_urdf};
 
 use crate::{LoadOptions, MimicMode, PackagePath};
 
-/// Parses URDF `text`. `file` is its path, which is used in messages and to find meshes.
+/// Parses URDF `text`. `file` is the path of the text, which is used in messages and to find meshes.
 ///
 /// The parser reads links, joints with their safety controllers, inertias, collision geometry, and the
-/// reduction and rotor inertia of transmissions. Visuals, materials and extensions of other programs are
-/// skipped.
+/// reduction and rotor inertia of transmissions. Visuals, materials and the extension elements of simulators
+/// are skipped.
 ///
 /// # Errors
 ///
@@ -54,7 +54,7 @@ pub fn parse_urdf(
     parse_urdf_with(text, file, &LoadOptions { mimic, packages: packages.clone(), ..LoadOptions::default() })
 }
 
-/// Like [`parse_urdf`], with all options.
+/// Parses URDF `text` like [`parse_urdf`], but with the options in `options`.
 ///
 /// # Errors
 ///

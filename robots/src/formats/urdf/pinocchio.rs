@@ -4,13 +4,12 @@ use std::collections::{BTreeMap, HashSet};
 
 use roxmltree::{Document, Node};
 
-/// Returns the names of the movable joints of a URDF text in Pinocchio's order: depth first, with the joints
-/// below one link in alphabetical order, where fixed joints count as well. The list is empty for text that is
-/// not URDF.
+/// Returns the names of the movable joints of a URDF text in Pinocchio's order: depth first, with all joints
+/// below one link (including fixed joints) in alphabetical order. The list is empty if the text is not URDF.
 ///
-/// A [`Model`](crate::Model) orders parents before children, and siblings as in the file.
-/// [`Model::to_pinocchio`](crate::Model::to_pinocchio) converts the entries of each joint, but keeps the
-/// model's order.
+/// A [`Model`](crate::Model) has a different order: parents before children, and siblings as in the file.
+/// [`Model::to_pinocchio`](crate::Model::to_pinocchio) converts the entries of each joint to Pinocchio's
+/// conventions, but keeps the model's order.
 ///
 /// ```
 /// let urdf = r#"<robot name="r"><link name="a"/><link name="b"/><link name="c"/>

@@ -1,5 +1,5 @@
-//! Plausibility of a whole model: followers with narrower limits than their leaders, sizes, inertias and
-//! limits in another unit.
+//! Plausibility of a whole model. Finds mimic joints (followers) with narrower limits than the joints that
+//! they follow, and sizes, inertias and limits that were probably written in the wrong unit.
 
 use core::f64::consts::PI;
 
@@ -152,8 +152,9 @@ pub(crate) fn extent(mesh: &TriangleMesh) -> Vector3<f64> {
 }
 
 impl ModelWarning {
-    /// Returns a warning if an angle \[rad\] was probably written in degrees. `what` names the value and its
-    /// owner, and `format` states the unit rule of the file format, such as `URDF has radians`.
+    /// Returns a warning if an angle \[rad\] was probably written in degrees. `what` describes the value in
+    /// the message, such as `rpy of a camera`. `format` states the unit that the file format requires, such
+    /// as `URDF has radians`.
     ///
     /// ```
     /// use motorium_robots::ModelWarning;
@@ -170,8 +171,8 @@ impl ModelWarning {
         Some(Self::Degrees { what: what.to_owned(), format, angle, at })
     }
 
-    /// Returns a warning if an object of a world has an implausible side length. `sides` are its side lengths
-    /// \[m\]. Fixed objects, such as buildings, may be larger than moving ones.
+    /// Returns a warning if an object of a world has an implausible side length. `sides` are the side lengths
+    /// of the object \[m\]. Fixed objects, such as buildings, may be larger than moving objects.
     pub fn of_object(object: &str, sides: [f64; 3], moves: bool) -> Option<Self> {
         let (what, metres, most) = match moves {
             true => ("longest side", sides.into_iter().fold(0.0, f64::max), LONGEST),

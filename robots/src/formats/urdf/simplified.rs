@@ -5,9 +5,9 @@ use roxmltree::{Document, Node};
 use super::write::DrawnRobot;
 
 impl DrawnRobot {
-    /// Returns the URDF text without meshes. Visuals that show one of its [meshes](Self::meshes) are replaced
-    /// by the collision shapes of their link, in the visuals' colours. Links without collision shapes are
-    /// unchanged.
+    /// Returns the URDF text without meshes. Visuals that show one of the [meshes](Self::meshes) are replaced
+    /// by the collision shapes of their link, in the colours of the visuals. Links without collision shapes
+    /// are unchanged.
     ///
     /// ```
     /// let panda = motorium_robots::load("panda", std::path::Path::new("."))?.drawn()?.unwrap();

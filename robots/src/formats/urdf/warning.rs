@@ -2,7 +2,7 @@
 
 use crate::{FilePosition, MeshError, MeshProblem, Position};
 
-/// A defect of a robot file that does not prevent loading.
+/// A warning about a defect of a robot file that does not prevent loading.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ModelWarning {
     /// The rotational inertia of a link is not positive definite.
@@ -131,10 +131,10 @@ pub enum ModelWarning {
         at: Position,
         /// Number of occurrences in the file.
         count: usize,
-        /// Reason for ignoring it.
+        /// Reason why the element is ignored.
         reason: &'static str,
     },
-    /// A follower restricts the range of a joint.
+    /// A mimic joint (follower) restricts the range of the joint that it follows.
     #[error(
         "joint \"{joint}\": its follower \"{follower}\" limits its range to {lower} to {upper}; the file has {} to {}",
         .file[0], .file[1]
@@ -142,7 +142,7 @@ pub enum ModelWarning {
     FollowerRange {
         /// Name of the followed joint.
         joint: String,
-        /// Name of the joint that follows it.
+        /// Name of the follower.
         follower: String,
         /// Lowest position of the followed joint at which the follower is within its own limits \[rad or m\].
         lower: f64,
@@ -152,14 +152,14 @@ pub enum ModelWarning {
         /// Lower and upper limit of the followed joint in the file \[rad or m\].
         file: [f64; 2],
     },
-    /// A follower restricts the velocity of a joint.
+    /// A mimic joint (follower) restricts the velocity of the joint that it follows.
     #[error(
         "joint \"{joint}\": its follower \"{follower}\" limits its velocity to {velocity}; the file has {file}"
     )]
     FollowerVelocity {
         /// Name of the followed joint.
         joint: String,
-        /// Name of the joint that follows it.
+        /// Name of the follower.
         follower: String,
         /// Velocity of the followed joint at which the follower reaches its own velocity limit \[rad/s or
         /// m/s\].
@@ -167,7 +167,8 @@ pub enum ModelWarning {
         /// Velocity limit of the followed joint in the file \[rad/s or m/s\].
         file: f64,
     },
-    /// A follower is outside its range at every position of its leader.
+    /// A mimic joint (follower) is outside its own range at every position of the joint that it follows (its
+    /// leader).
     #[error(
         "joint \"{joint}\": its limits {lower} to {upper} exclude every position it has as a follower of \"{leader}\"; \
          ignored"
@@ -175,7 +176,7 @@ pub enum ModelWarning {
     FollowerOutside {
         /// Name of the following joint.
         joint: String,
-        /// Name of the joint that it follows.
+        /// Name of the leader.
         leader: String,
         /// Lower limit of the following joint \[rad or m\].
         lower: f64,
@@ -204,7 +205,8 @@ pub enum ModelWarning {
     OversizedObject {
         /// Name of the object.
         object: String,
-        /// Description of the length: `longest side` of a moving object, or `shortest side` of a fixed one.
+        /// Description of the length: `longest side` of a moving object, or `shortest side` of a fixed
+        /// object.
         what: &'static str,
         /// Implausible length \[m\].
         metres: f64,
@@ -213,8 +215,8 @@ pub enum ModelWarning {
     },
     /// The rotational inertia of a link is too small for its mass.
     #[error(
-        "link \"{link}\": largest principal moment of {} kg m2 for {mass} kg, expected at least {least:.1e}, a ball of \
-         osmium's; give the <inertia> in kg m2", moment(*.largest)
+        "link \"{link}\": largest principal moment of {} kg m2 for {mass} kg, expected at least {least:.1e}, as for \
+         a ball of osmium; give the <inertia> in kg m2", moment(*.largest)
     )]
     TinyInertia {
         /// Name of the link.
@@ -223,7 +225,8 @@ pub enum ModelWarning {
         largest: f64,
         /// Mass of the link \[kg\].
         mass: f64,
-        /// Moment of inertia of the smallest plausible ball of this mass \[kg m2\].
+        /// Minimum plausible moment of inertia: the moment of the smallest plausible ball of this mass \[kg
+        /// m2\].
         least: f64,
     },
     /// The range of a prismatic joint is implausibly long, as if in millimetres.
@@ -254,8 +257,8 @@ pub enum ModelWarning {
         /// Maximum plausible velocity \[m/s\].
         most: f64,
     },
-    /// An unknown name is similar to a known name and probably misspelt. The known name has its default
-    /// value.
+    /// An unknown name is similar to a known name and probably misspelt. The attribute or element with the
+    /// known name has its default value.
     #[error(
         "\"{found}\" of <{element}> is unknown and has no effect (line {}, column {}); did you mean \"{expected}\"?",
         .at.line, .at.column
@@ -270,17 +273,17 @@ pub enum ModelWarning {
         /// Position of the element.
         at: Position,
     },
-    /// An element has no effect in its place.
+    /// An element has no effect, because it is in the wrong parent element.
     #[error(
         "<{found}> in <{element}> has no effect (line {}, column {}); expected it in <{expected}>",
         .at.line, .at.column
     )]
     Misplaced {
-        /// The surrounding element, and the link or joint it belongs to.
+        /// Description of the parent element, and of the link or joint that it belongs to.
         element: String,
         /// Name of the element.
         found: String,
-        /// Name of the element in which it has an effect.
+        /// Name of the parent element in which the element has an effect.
         expected: &'static str,
         /// Position of the element.
         at: Position,

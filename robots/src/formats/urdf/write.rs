@@ -8,21 +8,22 @@ use nalgebra::Isometry3;
 
 use crate::{Coordinate, Frame, Geometry, Inertia, JointKind, LinkColours, Model, Shape, TriangleMesh};
 
-/// A robot drawn as URDF text, with the meshes to which the text refers.
+/// A robot as URDF text for viewers, with the meshes to which the text refers.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DrawnRobot {
     /// URDF text.
     pub text: String,
-    /// Meshes without a file: the name used in the text, and the scaled mesh.
+    /// Meshes without a file. Each entry is the name used in the text, and the scaled mesh.
     pub meshes: Vec<(String, Arc<TriangleMesh>)>,
 }
 
 /// Maximum distance of a frame from its body's frame at which they count as equal \[m, rad\].
 const SAME: f64 = 1e-9;
 
-/// Writes a model as URDF: links with their names, joints with their axes and limits, and shapes as visuals.
-/// Meshes from files are referenced by `file://` and their path, others by `package://ROBOT/NUMBER.obj`.
-/// Shapes fixed to the world next to a floating base are omitted.
+/// Writes a model as URDF text for viewers: links with their names, joints with their axes and limits, and
+/// shapes as visuals. The text refers to meshes from files by `file://` and their path, and to meshes without
+/// a file by `package://ROBOT/NUMBER.obj`. Shapes that are fixed to the world next to a floating base are
+/// omitted.
 ///
 /// ```
 /// use motorium_robots::{MimicMode, PackagePath, draw_as_urdf, load, parse_urdf};

@@ -1,4 +1,4 @@
-//! Limbs of a robot: its feet and tools, from its SRDF or otherwise from the names of its links.
+//! Limbs of a robot: its feet and tools, from its SRDF or, without an SRDF, from the names of its links.
 
 use std::collections::BTreeSet;
 

@@ -22,15 +22,17 @@ use wheels::Wheels;
 use crate::model::configuration::with_joints;
 use crate::{BaseMode, BasePose, Kinematics, Loaded, Model};
 
-/// Returns a draft profile of `robot`: a commented TOML text that is ready to use.
+/// Returns a draft of the profile of `robot` (its poses, gains, feet and end effectors): a commented TOML
+/// text that is ready to use.
 ///
-/// The home pose is inside the limits. Gains, velocities and accelerations follow from the inertias at home
-/// and the limits in the robot's file. Feet and end effectors follow from the SRDF next to the file, or else
-/// from the names of the links.
+/// The home pose is inside the limits. Gains, velocities and accelerations are computed from the inertias in
+/// the home pose and the limits in the robot's file. Feet and end effectors are taken from the SRDF in the
+/// folder of the file or, without an SRDF, from the names of the links.
 ///
-/// A robot with at least two feet stands at home with a floating base if a standing posture is found, unless
-/// `base` is [`Fixed`](BaseMode::Fixed). The text states the reason. A pair of wheels on one axle becomes the
-/// `[mobile_base]`, as a comment if the base is fixed.
+/// For a robot with at least two feet, the function searches a standing posture. If it finds one, the profile
+/// has a floating base, and the home pose is this posture. If `base` is [`Fixed`](BaseMode::Fixed), the base
+/// is always fixed. A comment in the text states the reason for the choice. A pair of wheels on one axle
+/// becomes the `[mobile_base]`, which is a comment if the base is fixed.
 ///
 /// ```
 /// # use std::path::Path;

@@ -1,5 +1,5 @@
-//! The scalar functions of the angle `t` in exponentials and Jacobians. Below [`SEAM`] each is computed by
-//! its power series.
+//! The scalar functions of the angle `t` in exponentials and Jacobians. Below [`SEAM`], each function is
+//! computed by its power series.
 
 /// Angle \[rad\] below which the series are used. There, a closed form loses up to two digits, and twelve
 /// terms of the series lose none.

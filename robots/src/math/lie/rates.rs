@@ -33,8 +33,8 @@ pub fn angular_motion(phi: &RotationRates) -> (Vector3<f64>, Vector3<f64>) {
 }
 
 /// Returns the rotation vector with its derivatives for an angular velocity \[rad/s\] and acceleration
-/// \[rad/s2\] in world axes. This is the inverse of [`angular_motion`]. `None` at a full revolution, where
-/// the left Jacobian is singular.
+/// \[rad/s2\] in world axes. This function is the inverse of [`angular_motion`]. Returns `None` at a full
+/// revolution, where the left Jacobian is singular.
 pub fn rotation_rates(
     vector: Vector3<f64>,
     velocity: Vector3<f64>,

@@ -4,8 +4,8 @@ use nalgebra::{Isometry3, Matrix3, Matrix6, Translation3, Vector3, Vector6};
 
 use super::{coefficients, so3};
 
-/// Returns the exponential of a twist: the motion from the identity in unit time with the constant twist
-/// `xi`.
+/// Returns the exponential of a twist: the pose that a frame reaches from the identity in unit time with the
+/// constant twist `xi`.
 pub fn exp(xi: &Vector6<f64>) -> Isometry3<f64> {
     let (rho, phi) = split(xi);
     let (a, b) = coefficients::left(phi.norm());

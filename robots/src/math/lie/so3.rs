@@ -53,7 +53,7 @@ pub fn right_jacobian_inverse(phi: &Vector3<f64>) -> Matrix3<f64> {
 /// result is a rotation by pi about an axis perpendicular to `from`.
 ///
 /// The result is accurate to rounding at every angle: sine and cosine of half the angle are computed from the
-/// lengths of the difference and the sum.
+/// lengths of the vectors' difference and sum.
 pub fn least_rotation(from: &Unit<Vector3<f64>>, to: &Unit<Vector3<f64>>) -> UnitQuaternion<f64> {
     let (from, to) = (from.into_inner(), to.into_inner());
     let (sum, difference) = (from + to, from - to);

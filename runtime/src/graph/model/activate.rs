@@ -17,7 +17,7 @@ pub(in crate::graph) struct ActivateTable {
     /// Minimum time between two steps; faster events are delayed and combined into one step.
     #[schemars(required)]
     pub min_interval: Option<At<TimeSpan>>,
-    /// Known keys of which the file's unknown keys are probably misspellings.
+    /// Known keys that are probably misspelt in the file.
     #[schemars(skip)]
     pub meant: Vec<&'static str>,
 }

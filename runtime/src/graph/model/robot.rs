@@ -41,7 +41,7 @@ pub(in crate::graph) struct RobotTable {
     pub start: Option<At<ParameterValue>>,
     /// Gains of the robot's joints. Default: the gains of the profile.
     pub gains: Option<At<GainsTable>>,
-    /// Known keys of which the file's unknown keys are probably misspellings.
+    /// Known keys that are probably misspelt in the file.
     #[schemars(skip)]
     pub meant: Vec<&'static str>,
 }

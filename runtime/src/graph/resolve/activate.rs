@@ -27,8 +27,8 @@ pub(super) fn resolve(
     if let [(Some(place), key), ..] | [_, (Some(place), key)] = other {
         report
             .error(format!("component `{name}` has both `{key}` and `activate`"))
-            .label(&at.key, "expected only one way to release the component")
-            .and(place, "another way is set here")
+            .label(&at.key, "expected either `activate`, `rate` or `trigger`")
+            .and(place, "the component is already released by this")
             .advise("leave one of them out");
         return None;
     }
@@ -36,7 +36,7 @@ pub(super) fn resolve(
         report
             .error(format!("component `{name}` has a phase but no rate"))
             .label(&phase.key, "does not apply to a component released by events")
-            .and(&at.key, "it steps when an event arrives")
+            .and(&at.key, "the component steps when an event arrives")
             .advise("leave `phase` out");
     }
     can_wait(draft, at, report);
@@ -78,7 +78,10 @@ fn can_wait(draft: &Draft<'_, '_>, at: &At<ActivateTable>, report: &mut Report) 
     let kind = draft.table.kind.as_ref().or(draft.table.exec.as_ref());
     let diagnostic = report
         .error(format!("component `{}` has no file descriptor that could release its steps", draft.name))
-        .label(&at.span, "only kinds that wait for devices or programs outside the graph have one")
+        .label(
+            &at.span,
+            "only kinds that wait for devices or programs outside the graph have a file descriptor",
+        )
         .advise("give it a `rate`, or a `trigger`");
     if let Some(kind) = kind.filter(|kind| kind.get().is_some()) {
         diagnostic.and(&kind.span, "this kind reads and writes topics only");
@@ -92,11 +95,11 @@ pub(super) fn not_by_the_clock<'d>(
 ) -> Option<(&'d Span, &'static str, &'static str)> {
     if let Some(trigger) = &draft.table.trigger {
         let why = "does not apply to a triggered component";
-        return Some((&trigger.key, why, "it steps when this topic is published"));
+        return Some((&trigger.key, why, "the component steps when this topic is published"));
     }
     let activate = draft.table.activate.as_ref()?;
     let why = "does not apply to a component released by events";
-    Some((&activate.key, why, "it steps when an event arrives"))
+    Some((&activate.key, why, "the component steps when an event arrives"))
 }
 
 /// Returns advice for a component without an activation whose kind has a descriptor.

@@ -30,13 +30,13 @@ use crate::worker::{ConfigProblem, DescribeRequest};
 /// analysis.
 const MOST: usize = 512;
 
-/// Time that the declaration of a component lasted.
+/// Duration of the declaration of one component.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
 pub struct DeclareTime {
     /// Name of the component.
     pub component: String,
     /// Wall-clock time of the component's [`declare`](crate::component::Component::declare), ns. For a
-    /// separate program this includes its start and end.
+    /// component in a separate program, this includes the time to start and end the program.
     pub wall_ns: u64,
 }
 
@@ -62,7 +62,7 @@ pub(super) fn resolve<'g, 'i>(
     if let Some((_, at)) = components.get(MOST) {
         report
             .error(format!("the graph has {} components", components.len()))
-            .label(&at.key, format!("expected at most {MOST}; this is the first one too many"))
+            .label(&at.key, format!("expected at most {MOST}; this component exceeds the limit"))
             .advise("each component is a separate process: combine related parts in one component");
         return Vec::new();
     }
@@ -148,10 +148,9 @@ fn unread_world(
             .is_some_and(|kind| context.registry.find(kind).is_none_or(|kind| kind.reads_world))
     };
     if !drafts.iter().any(reads) {
-        report
-            .warning("no component reads the `[world]` of the graph")
-            .label(&world.key, "not read")
-            .advise("leave it out, or simulate it by a component such as `physics.articulated`");
+        report.warning("no component reads the `[world]` of the graph").label(&world.key, "not read").advise(
+            "leave `[world]` out, or add a component that simulates it, such as `physics.articulated`",
+        );
     }
 }
 

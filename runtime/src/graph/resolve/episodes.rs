@@ -99,7 +99,7 @@ fn holder<'g>(right: &Right, drafts: &'g [Draft<'_, '_>], report: &mut Report) -
         } else if draft.declaration.as_ref().is_some_and(|declaration| !(right.is_declared)(declaration)) {
             report
                 .error(format!("component `{}` cannot {} an episode", draft.name, right.verb))
-                .label(&at.span, format!("{} does not declare that it can", draft.what()))
+                .label(&at.span, format!("{} does not declare this ability", draft.what()))
                 .advise(right.advice);
         }
         holder = Some((draft.name, at.span.clone()));

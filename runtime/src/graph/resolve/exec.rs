@@ -33,7 +33,7 @@ pub(super) const VERSION: &str = env!("CARGO_PKG_VERSION");
 /// Error of querying a program.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum ExecProblem {
-    /// The file does not exist.
+    /// The file of the program does not exist.
     #[error("program `{}` does not exist", .0.display())]
     Missing(PathBuf),
     /// The path does not name a program.
@@ -55,14 +55,14 @@ pub enum ExecProblem {
     NoComponent {
         /// Path of the program.
         path: PathBuf,
-        /// The request: an argument of the program.
+        /// The request, which is passed to the program as an argument.
         request: &'static str,
         /// Reason why the answer is not valid.
         reason: String,
         /// Last line that the program printed on standard error.
         stderr: String,
     },
-    /// The program was built with another version of motorium.
+    /// The program and the process that queries it were built with different versions of motorium.
     #[error("program `{}` was built with motorium {found}, expected motorium {VERSION}", path.display())]
     Version {
         /// Path of the program.
@@ -70,7 +70,8 @@ pub enum ExecProblem {
         /// Version with which the program was built.
         found: String,
     },
-    /// The program was built from the same version, but lays out shared memory differently.
+    /// The program and the process that queries it were built with the same version of motorium, but lay out
+    /// shared memory differently.
     #[error("program `{}` lays out shared memory differently from this build of motorium {VERSION}", .0.display())]
     Memory(PathBuf),
 }
@@ -101,7 +102,7 @@ impl ExecProblem {
             Self::NotExecutable(path) => return format!("try `chmod +x {}`", path.display()),
             Self::Start { .. } => "was it built for this machine? try `cargo build --release`",
             Self::Silent(_) => {
-                "`motorium::main!(...)` answers immediately; does the program do other work before it?"
+                "`motorium::main!(...)` answers immediately; does the program work before calling it?"
             }
             Self::NoComponent { .. } => "its main function must be `motorium::main!(MyComponent);`",
             Self::Version { .. } | Self::Memory(_) => {
@@ -125,8 +126,8 @@ pub fn find(exec: &str, folder: &Path) -> Result<PathBuf, ExecProblem> {
     }
 }
 
-/// Queries a program for the declaration of its component with this configuration. The inner error is the
-/// component's rejection of the configuration.
+/// Queries a program for the declaration of its component with this configuration. If the component rejects
+/// the configuration, the inner result holds its error.
 ///
 /// # Errors
 /// The program does not answer according to this version's protocol.

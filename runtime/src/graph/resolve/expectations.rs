@@ -28,7 +28,7 @@ pub(super) fn resolve(
                 .error(format!("`{figure}` names no figure of the component"))
                 .label(span, "expected such as `controller.position_error_m`")
                 .advise(
-                    "figures are values of its result, or of its part of the report: `motorium run --json`",
+                    "figures are values in the component's result or in its part of the report: see `motorium run --json`",
                 );
         }
     }

@@ -218,7 +218,7 @@ fn no_path(
             inputs => diagnostic
                 .note(format!("`{to}` is written by `{name}`, which reads {}", list(inputs.iter().copied()))),
         };
-        diagnostic.advise("start the budget at a topic from which data flow to this one");
+        diagnostic.advise("start the budget at a topic from which data flows to this topic");
         return;
     };
     let reason = match timing.activation[writer] {
@@ -282,5 +282,5 @@ fn too_tight(budget: &Budget<'_>, path: &[&Wire], drafts: &[Draft<'_, '_>], repo
             [alone] => format!("a step may last {alone}"),
             terms => format!("steps may last {} = {sum}", terms.join(" + ")),
         })
-        .advise("allow more time, or less for the components");
+        .advise("raise `max`, or lower the budgets of the components");
 }

@@ -48,7 +48,7 @@ fn long_enough(draft: &Draft<'_, '_>, at: &At<TimeSpan>, period_ns: u64, report:
     let period = TimeSpan { ns: period_ns };
     report
         .error(format!(
-            "`hang_after` is {time}, and two periods of component `{}` are longer ({period} each)",
+            "`hang_after` is {time}, expected at least two periods of component `{}` ({period} each)",
             draft.name
         ))
         .label(&at.span, "shorter than two periods")
@@ -64,9 +64,11 @@ fn cpu_limit(draft: &Draft<'_, '_>, schedule: Schedule, period_ns: u64, report: 
         if let Some(at) = given {
             let advice = match schedule {
                 Schedule::Deadline => {
-                    "the kernel suspends it when its budget is used up; leave `cpu_limit` out"
+                    "the kernel suspends the component when its budget is used up; leave `cpu_limit` out"
                 }
-                _ => "it does not block the core for others; leave `cpu_limit` out",
+                _ => {
+                    "the component does not block its core, because it is not real-time; leave `cpu_limit` out"
+                }
             };
             report
                 .error(format!("component `{}` has a `cpu_limit` but is not scheduled as `fifo`", draft.name))
@@ -84,8 +86,8 @@ fn cpu_limit(draft: &Draft<'_, '_>, schedule: Schedule, period_ns: u64, report: 
     if limit.ns < shortest.ns {
         report
             .error(format!("the `cpu_limit` of component `{}` is {limit}", draft.name))
-            .label(&at.span, "shorter than its budget, or than the kernel can measure")
-            .advise(format!("write `{shortest}` or more, or leave it out"));
+            .label(&at.span, "shorter than the budget, or too short for the kernel to measure")
+            .advise(format!("write `{shortest}` or more, or leave `cpu_limit` out"));
     }
     Some(limit.ns)
 }

@@ -1,8 +1,9 @@
 //! Relative paths in a `config` table, which refer to the folder of their file.
 //!
 //! A component resolves its paths against the folder of its robot. If the files of a graph are in several
-//! folders, paths in files of other folders are made absolute. The JSON Schema of the kind defines the paths:
-//! texts and lists of the format `path`, except for the words listed as `words`.
+//! folders, paths in files of other folders are made absolute. The JSON Schema of the kind defines which
+//! values are paths: texts and lists of the format `path`, except for the fixed texts that the schema lists
+//! under `words`.
 
 use std::borrow::Cow;
 use std::path::Path;

@@ -40,11 +40,11 @@ pub(super) fn resolve(
         report
             .error("`duration` is zero")
             .label(&at.span, "the run would end immediately")
-            .advise("leave it out to run until stopped");
+            .advise("leave `duration` out to run until stopped");
     }
     for draft in drafts {
         let at = draft.table.stop_within.as_ref();
-        bounds::not_zero("stop_within", at, "it would be killed before it could stop", report);
+        bounds::not_zero("stop_within", at, "the component would be killed before it could stop", report);
         if let Some(at) = at.filter(|at| at.get().is_some_and(|time| time.ns > LONGEST_STOP.ns)) {
             report
                 .error(format!("`stop_within` of component `{}` is longer than {LONGEST_STOP}", draft.name))
@@ -53,7 +53,7 @@ pub(super) fn resolve(
         }
     }
     for restart in drafts.iter().filter_map(|draft| good(&draft.table.restart)) {
-        bounds::not_zero("window", restart.window.as_ref(), "nothing would ever be counted", report);
+        bounds::not_zero("window", restart.window.as_ref(), "no restart would be counted", report);
         bounds::not_zero("within", restart.within.as_ref(), "no restart would be quick enough", report);
         if let Some(at) = restart.at_most.as_ref().filter(|at| at.get() == Some(&0)) {
             report
@@ -141,7 +141,7 @@ fn stale_commands(
         let name = drafts[writer].name;
         let diagnostic = report
             .warning(format!(
-                "commands become stale before the next one arrives: `{name}` writes one every {period}"
+                "commands become stale before the next command arrives: `{name}` writes a command every {period}"
             ))
             .advise(format!("set `stale_after` in `[safety]` to more than {period}, or run `{name}` faster"));
         match at {
@@ -151,8 +151,7 @@ fn stale_commands(
                     .and(&span, format!("`{}` applies its commands", draft.name));
             }
             None => {
-                diagnostic
-                    .label(&span, format!("`stale_after` is {stale_after} unless the graph says otherwise"));
+                diagnostic.label(&span, format!("`stale_after` defaults to {stale_after}"));
             }
         }
     }

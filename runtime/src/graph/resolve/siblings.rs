@@ -1,4 +1,5 @@
-//! Kinds hosted by other installed programs, found next to this one or on `PATH` and queried once.
+//! Kinds that separate installed programs host. These programs are searched next to the current program and
+//! on `PATH`, and are queried once.
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
@@ -104,7 +105,8 @@ fn find(sibling: Sibling) -> Result<Rc<Program>, Homeless> {
     }
 }
 
-/// Returns the path of a program next to this one or on `PATH`; `None` if it is not installed.
+/// Returns the path of a sibling program, which is in the folder of the current program or on `PATH`; `None`
+/// if it is not installed.
 pub fn locate(sibling: &Sibling) -> Option<PathBuf> {
     let on_path = std::env::var_os("PATH").unwrap_or_default();
     let folders = std::iter::once(own_folder()).chain(std::env::split_paths(&on_path));

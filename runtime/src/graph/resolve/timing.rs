@@ -127,7 +127,7 @@ fn start(
             let advice = match (by_events, input) {
                 (Some(advice), _) => advice,
                 (None, Some(topic)) => format!(
-                    "add `rate = \"1 kHz\"`, or `trigger = \"{}\"` to step whenever that is published",
+                    "add `rate = \"1 kHz\"`, or `trigger = \"{}\"` to step whenever this topic is published",
                     wiring.topics[topic]
                 ),
                 (None, None) => "add `rate = \"1 kHz\"`".to_string(),
@@ -167,7 +167,7 @@ fn start(
                 report
                     .error(format!("component `{}` has a phase but no rate", draft.name))
                     .label(&phase.key, "does not apply to a triggered component")
-                    .and(&trigger.key, "it steps when this topic is published")
+                    .and(&trigger.key, "the component steps when this topic is published")
                     .advise("leave `phase` out");
             }
             find_trigger(component, draft, trigger, wiring, report)
@@ -212,7 +212,7 @@ fn find_trigger(
     let names: Vec<&str> = inputs().map(|topic| wiring.topics[topic].as_str()).collect();
     let advice = match (topic.and_then(|topic| wiring.writer(topic)), names.as_slice()) {
         (Some(_), _) => format!("add it to `subscribe`: `subscribe = {{ port = \"{name}\" }}`"),
-        (None, []) => "subscribe to a topic, and trigger on that".to_string(),
+        (None, []) => "subscribe to a topic, and name it in `trigger`".to_string(),
         (None, names) => suggest(name, names.iter().copied(), "it subscribes to"),
     };
     report
@@ -307,7 +307,7 @@ fn report_loop(
     };
     let diagnostic = report
         .error(message)
-        .advise("nothing would ever start: give one of them a `rate` instead of its `trigger`");
+        .advise("no component would ever step: give one of them a `rate` instead of its `trigger`");
     for (index, (span, label)) in places.into_iter().enumerate() {
         match index {
             0 => diagnostic.label(span, label),

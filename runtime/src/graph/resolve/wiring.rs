@@ -41,8 +41,8 @@ pub(super) struct Wiring {
     pub topics: Vec<String>,
     /// All wires, per component, in file order.
     pub wires: Vec<Wire>,
-    /// True if the wiring is incomplete because outputs were rejected. A topic may then have a writer
-    /// although none is found.
+    /// True if the wiring is incomplete because outputs were rejected. A topic may therefore have a writer
+    /// that is not listed.
     pub incomplete: bool,
 }
 
@@ -196,7 +196,7 @@ fn unknown_port(draft: &Draft<'_, '_>, direction: Direction, port: &str, place: 
         let names = draft.ports(direction).map(|declared| declared.name.as_str());
         match nearest(port, names) {
             Some(near) => format!("did you mean `{near}`?"),
-            None => "wire one of them, or leave this out".to_string(),
+            None => "wire one of them, or remove this entry".to_string(),
         }
     };
     report
@@ -255,7 +255,7 @@ fn nothing_to_do(component: usize, draft: &Draft<'_, '_>, wiring: &Wiring, repor
                 draft.name
             ))
             .label(&draft.place, "neither reads nor writes")
-            .advise("harmless if it only acts outside the graph");
+            .advise("this is harmless if the component only acts outside the graph");
     } else if declaration.ports.iter().all(|port| !port.required) {
         // a missing required port has been reported already
         let ports: Vec<String> =

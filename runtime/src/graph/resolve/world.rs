@@ -45,7 +45,10 @@ pub(super) fn insert<'i>(
         match table.get_key_value("world") {
             Some((key, _)) => {
                 report
-                    .error(format!("the graph has a `[world]`, and `{}` has another one", draft.name))
+                    .error(format!(
+                        "the graph has a `[world]`, and component `{}` has its own world",
+                        draft.name
+                    ))
                     .label(&key.span(), "a second world")
                     .and(&at.key, "the world of the graph")
                     .advise("keep `[world]`, which all components share");
@@ -67,7 +70,7 @@ fn of_file<'i>(
     let DeValue::String(name) = file.get_ref() else { return None };
     let Some(read) = context.registry.gravity_of_file() else {
         report
-            .warning(format!("`{}` does not know the gravity of the file of `[world]`", draft.name))
+            .warning(format!("component `{}` cannot read the gravity from the file of `[world]`", draft.name))
             .label(&key.span(), "this program cannot read it")
             .advise("write `gravity = [0.0, 0.0, -9.81]` into `[world]`, or give the `Registry` a reader, `with_gravity_of_file`");
         return None;

@@ -75,7 +75,7 @@ impl schemars::JsonSchema for Expectations {
             "type": "object",
             "additionalProperties": {
                 "type": ["string", "number", "boolean", "object"],
-                "description": "A condition, such as `<= 1e-3`, `== 4` or `!= 0`; a number, true or false: equal to it.",
+                "description": "A condition, such as `<= 1e-3`, `== 4` or `!= 0`. A number, true or false alone requires an equal value.",
             },
         })
     }

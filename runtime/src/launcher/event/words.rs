@@ -62,8 +62,8 @@ impl fmt::Display for Event<'_> {
                 write!(f, "`{component}` left its safe state")
             }
             Self::LeftSafeState { component, resuming: true, .. } => {
-                write!(f, "`{component}` is resuming: its command is away from the held pose, ")?;
-                f.write_str("and is approached at limited rates")
+                write!(f, "`{component}` is resuming: it moves from the held pose to its command ")?;
+                f.write_str("at limited rates")
             }
             Self::LeftSafeState { component, .. } => write!(f, "`{component}` follows its commands"),
             Self::SafeStop { reason } => f.write_str(reason),
@@ -95,7 +95,8 @@ impl fmt::Display for Event<'_> {
             }
             Self::Waiting { component, tick, for_ns } => write!(
                 f,
-                "`{component}` has been in tick {tick} for {:.1} s; simulated time does not advance until it ends (Ctrl-C stops)",
+                "`{component}` has been in tick {tick} for {:.1} s; simulated time does not advance until the tick \
+                 ends (Ctrl-C stops the run)",
                 *for_ns as f64 * 1e-9
             ),
             Self::Ending(Exit::Finished) => f.write_str("the run ends: its duration has elapsed"),
@@ -115,7 +116,8 @@ impl fmt::Display for Event<'_> {
 }
 
 impl Refusal {
-    /// Describes refused commands in a few words that follow their number, such as "stamped in the future".
+    /// Describes the reason in a few words that follow the number of refused commands, such as "stamped in
+    /// the future".
     pub fn description(self) -> &'static str {
         match self {
             Self::Content => "not finite",

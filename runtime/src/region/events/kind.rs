@@ -77,15 +77,19 @@ kinds! {
     Output = 4, "output";
     /// A component failed.
     Failed = 5, "failed";
-    /// A restarted component steps again. The value is the time from its end to its first step, s.
+    /// A restarted component steps again. The value is the time from the component's end to its first step
+    /// after the restart, s.
     Restarted = 6, "restarted";
     /// All components and simulated time were reset for an episode. The value is the index of the episode.
     Reset = 7, "reset";
-    /// Steps ended after their deadline. The value is their number since the last event of this kind.
+    /// Steps ended after their deadline. The value is the number of such steps since the last event of this
+    /// kind.
     Missed = 8, "missed";
-    /// Latencies were above their budget. The value is their number since the last event of this kind.
+    /// Latencies were above their budget. The value is the number of such latencies since the last event of
+    /// this kind.
     LatencyMissed = 9, "latency_missed";
-    /// A command gate refused commands. The value is their number since the last event of this kind.
+    /// A command gate refused commands. The value is the number of refused commands since the last event of
+    /// this kind.
     Refused = 10, "refused";
     /// An actuator entered its safe state.
     EnteredSafeState = 11, "entered_safe_state";
@@ -93,7 +97,8 @@ kinds! {
     LeftSafeState = 12, "left_safe_state";
     /// The whole graph enters its safe state, and the run ends.
     SafeStop = 13, "safe_stop";
-    /// All actuators are in their safe state. The value is the time until they reached it, s.
+    /// All actuators are in their safe state. The value is the time from the detection of the cause until the
+    /// last actuator was in its safe state, s.
     Safe = 14, "safe";
     /// Not all actuators reached their safe state.
     NotSafe = 15, "not_safe";
@@ -104,9 +109,9 @@ kinds! {
     /// A component loses a larger fraction of its steps than the graph allows. The value is the fraction, 0
     /// to 1.
     LosesSteps = 18, "loses_steps";
-    /// A lockstep tick has not completed. The value is the time since its start, s.
+    /// A lockstep tick has not completed. The value is the time since the start of the tick, s.
     Waiting = 19, "waiting";
-    /// Any other deviation from the graph.
+    /// A deviation from the graph for which there is no separate kind.
     Warning = 20, "warning";
     /// The run was requested to end.
     Ending = 21, "ending";
@@ -116,7 +121,8 @@ kinds! {
     LauncherBack = 23, "launcher_back";
     /// The launcher has ended. Its guard brings the robot to its safe state and ends the run.
     LauncherEnded = 24, "launcher_ended";
-    /// The guard has brought the robot to its safe state, except for actuators that no longer existed.
+    /// The guard has brought the robot to its safe state, except for actuators whose process had already
+    /// ended.
     GuardActed = 25, "guard_acted";
     /// An episode of real time began, without a reset. The value is the index of the episode.
     EpisodeBegan = 26, "episode_began";

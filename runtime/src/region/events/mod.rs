@@ -1,9 +1,9 @@
 //! The event log of a run in its control block, with a ring of fixed size for each severity and one for
 //! printed lines.
 //!
-//! The launcher writes the log, or the guard if the launcher has ended. Workers do not write to it: they
-//! count misses and refusals, which the launcher reports as events. Separate rings prevent printed lines from
-//! displacing events, and warnings from displacing failures.
+//! The launcher writes the log. If the launcher has ended, the guard does. Workers do not write to the log:
+//! they count misses and refusals, which the launcher reports as events. Separate rings prevent printed lines
+//! from displacing events, and warnings from displacing failures.
 
 mod kind;
 mod ring;
@@ -57,7 +57,7 @@ pub struct EventRecord {
     pub kind: EventKind,
     /// Index in the plan of the affected component; `None` if the event concerns the whole run.
     pub component: Option<usize>,
-    /// Value that belongs to the event, as defined by its kind; otherwise 0.
+    /// Value of the event, as defined by its kind; 0 for kinds without a value.
     pub value: f64,
     /// Text for users, truncated to [`EVENT_TEXT_BYTES`].
     pub text: String,

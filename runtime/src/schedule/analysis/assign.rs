@@ -3,9 +3,9 @@
 /// Returns rate-monotonic priorities: the shorter the period, the higher the priority (C. Liu, J. Layland
 /// 1973). Equal periods get equal priorities.
 ///
-/// The fastest rate gets the priority `fastest`, and every slower rate gets `step` less than the one before.
-/// If the last priority would be below 1, smaller steps are used. Neighbouring rates share a priority only if
-/// there are more than `fastest` rates.
+/// The fastest rate gets the priority `fastest`, and each slower rate gets a priority lower by `step` than
+/// the next faster rate. If the lowest priority would be below 1, smaller steps are used. Neighbouring rates
+/// share a priority only if there are more than `fastest` rates.
 pub fn rate_monotonic(periods_ns: &[u64], fastest: u8, step: u8) -> Vec<u8> {
     let mut rates = periods_ns.to_vec();
     rates.sort_unstable();
@@ -33,8 +33,8 @@ pub struct ChainLoad {
     pub core: Option<usize>,
 }
 
-/// Returns a core for each chain, in the order of `chains`. A chain is never split, because a hand-over on
-/// one core is several times cheaper than waking another core.
+/// Returns a core for each chain, in the order of `chains`. All components of a chain get the same core,
+/// because waking the next component on the same core is several times cheaper than on another core.
 ///
 /// Chains with a given core are placed first. The remaining chains are then placed on the real-time cores:
 /// the chain with the largest load first, each on the least loaded core (worst fit, decreasing). Among

@@ -1,7 +1,8 @@
 //! Latency bounds of data through a graph.
 //!
-//! The path from one topic to another consists of *segments*: the head of a chain and the components
-//! triggered after it. Between two segments the data waits in shared memory until the next head reads it.
+//! The path of data from one topic to another consists of *segments*. A segment is a component released by
+//! the clock or by events (the head of a trigger chain), followed by the components that it triggers. Between
+//! two segments, the data waits in shared memory until the head of the next segment reads it.
 //!
 //! A component is assumed to publish at the end of its step. Its work after the publication is not part of
 //! the latency of that sample, but delays the components it triggers on its core.

@@ -5,36 +5,37 @@ use serde::{Deserialize, Serialize};
 
 const MICROSECOND: u64 = 1_000;
 
-/// Time that the machine and the runtime use in addition to the components.
+/// Time that the machine and the runtime use in addition to the components' own execution times.
 ///
 /// The defaults cover 99 of 100 cases on virtual machines with two cores (Linux 6.18) under load. `motorium
-/// calibrate` measures a machine; the measured values replace the defaults. Core times are measured by
-/// `CLOCK_THREAD_CPUTIME_ID` and do not include the step itself.
+/// calibrate` measures the overheads of the machine, which then replace the defaults. Core times are measured
+/// by `CLOCK_THREAD_CPUTIME_ID` and do not include the step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Overheads {
-    /// Maximum delay of the wake-up of a sleeping component, ns; 150 us by default. It uses no core time. The
-    /// spin time before a release hides the same amount of this delay.
+    /// Maximum delay of the wake-up of a sleeping component, ns; 150 us by default. The delay uses no core
+    /// time. A component that spins before its release wakes earlier by the spin time, which reduces the
+    /// effect of the delay by the same amount.
     pub wake_ns: u64,
-    /// Core time for every release by the clock, in addition to `worker_ns`, ns; 80 us by default. It
-    /// consists of the timer and its interrupt, falling asleep, and cache misses after other threads have
-    /// used the core.
+    /// Core time for every release by the clock, in addition to `worker_ns`, ns; 80 us by default. This time
+    /// covers the timer and its interrupt, falling asleep, and cache misses after other threads have used the
+    /// core.
     pub timer_ns: u64,
-    /// Core time from the end of a step to the start of a step that it triggers on the same core, ns; 8 us by
-    /// default.
+    /// Core time from the end of a step to the start of the step that it triggers on the same core, ns; 8 us
+    /// by default.
     pub hop_same_core_ns: u64,
-    /// Maximum time from a publication until a triggered component on another core can run, ns; 150 us by
-    /// default, mostly for the wake-up of an idle core. It uses no core time.
+    /// Maximum time from a publication until a component that it triggers on a different core can run, ns;
+    /// 150 us by default, mostly for the wake-up of an idle core. This time uses no core time.
     pub hop_cross_core_ns: u64,
-    /// Core time for which a component that is triggered from another core polls for the next publication,
-    /// after its step and before it sleeps, ns; 20 us by default.
+    /// Core time for which a component polls for the next publication after its step and before it sleeps,
+    /// ns; 20 us by default. Only components that are triggered from a different core poll.
     pub look_ns: u64,
-    /// Core time of the worker per step, in addition to the component's own time, ns; 16 us by default. It
-    /// covers clock readings and statistics.
+    /// Core time of the worker per step, in addition to the component's own time, ns; 16 us by default. The
+    /// worker spends this time on clock readings and statistics.
     pub worker_ns: u64,
 }
 
 impl Overheads {
-    /// Overheads of zero, for the analysis of abstract task sets.
+    /// Overheads that are all zero, for the analysis of abstract task sets.
     pub const NONE: Self =
         Self { wake_ns: 0, timer_ns: 0, hop_same_core_ns: 0, hop_cross_core_ns: 0, look_ns: 0, worker_ns: 0 };
 
@@ -67,7 +68,7 @@ pub struct RtLimit {
 }
 
 impl RtLimit {
-    /// Limit for a kernel without throttling.
+    /// No limit, as on a kernel that does not throttle real-time threads.
     pub const NONE: Self = Self { runtime_ns: None, period_ns: 1_000_000_000 };
 
     /// Default limit of Linux: 950 ms in every second.
@@ -92,9 +93,9 @@ impl RtLimit {
     }
 
     /// Returns the fraction of each core that the kernel grants to `SCHED_DEADLINE` components, 0 to 1. This
-    /// is [`share`](Self::share) minus the kernel's reserve for normal priority. The reserve (the fair server
-    /// of Linux 6.12 and later) is 50 ms in every second of each core, and is assumed for earlier kernels,
-    /// too. The result is 1 without throttling.
+    /// is [`share`](Self::share) minus the kernel's reserve for threads of normal priority (the fair server
+    /// of Linux 6.12 and later). The reserve is 50 ms in every second of each core, and is also assumed for
+    /// earlier kernels. The result is 1 if the kernel does not throttle real-time threads.
     pub fn deadline_share(&self) -> f64 {
         const FAIR_SERVER_MS_PER_S: u64 = 50;
         match self.runtime_ns {

@@ -1,27 +1,28 @@
 //! The static plan: the tasks of every core, and their releases.
 //!
-//! A *task* is the unit of the analysis: a real-time component together with everything that it triggers,
-//! directly or through others, on the same core at the same priority, or at priorities that rise along the
-//! chain but stay below every other priority. Its *stages* run one after the other. The first is the
-//! component at its head, the next consists of all components that it triggers, and so on. Under `SCHED_FIFO`
-//! a woken thread goes to the end of the queue of its priority, and threads of that priority do not preempt
-//! each other. All components triggered by one stage therefore run before the components that the next stage
-//! triggers. With rising priorities, a triggered component wakes when the triggering step ends, and runs
-//! immediately. If priorities rise and one component triggers several, the order between one of them and the
-//! components that another one triggers is unknown. From there on all components form one stage. A component
-//! triggered from another core, or by a component of another priority, is the head of a separate task.
+//! A *task* is the unit of the analysis: a real-time component (the *head*) together with all components that
+//! it triggers, directly or through others, on the same core. All of them have the same priority, or
+//! priorities that rise along the chain but stay below every other priority. The *stages* of a task run one
+//! after the other. The first stage is the head, the second stage consists of all components that the head
+//! triggers, and so on. Under `SCHED_FIFO` a woken thread goes to the end of the queue of its priority, and
+//! threads of that priority do not preempt each other. All components triggered by one stage therefore run
+//! before the components that the next stage triggers. With rising priorities, a triggered component wakes
+//! when the triggering step ends, and runs immediately. If priorities rise and a component triggers several
+//! components, the order in which these components and the components that they trigger run is unknown. From
+//! there on, all components form one stage. A component that is triggered from a different core, or by a
+//! component of a different priority, is the head of a separate task.
 
 use serde::Serialize;
 
 use super::overheads::Overheads;
 use crate::plan::{Activation, ComponentPlan, OnOverrun, Plan, SchedulingClass, Spin};
 
-/// All real-time components of a graph as tasks.
+/// All real-time components of a graph as tasks, as input of the timing analysis.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct StaticPlan {
     /// Tasks, each after the task that triggers it.
     pub tasks: Vec<Task>,
-    /// For each component of the plan, its place among the tasks; `None` for a component that is not
+    /// For each component of the plan, its position among the tasks; `None` for a component that is not
     /// real-time or may run on several cores.
     pub places: Vec<Option<Place>>,
     /// Components under `SCHED_DEADLINE`, which run ahead of all tasks on any core.
@@ -41,7 +42,7 @@ pub struct Reservation {
     pub period_ns: u64,
     /// Offset of the first release, ns.
     pub phase_ns: u64,
-    /// True if releases are always on the grid.
+    /// True if releases are always at a multiple of the period after the first release.
     pub fixed: bool,
 }
 
@@ -52,7 +53,7 @@ impl Reservation {
     }
 }
 
-/// Place of a component in a static plan: its task, and its stage in the task.
+/// Position of a component in a static plan: its task, and its stage in the task.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub struct Place {
     /// Index of the component's task.
@@ -66,18 +67,18 @@ pub struct Place {
 pub struct Task {
     /// Index of the core.
     pub core: usize,
-    /// `SCHED_FIFO` priority of the task's head. Triggered components may have a higher one.
+    /// `SCHED_FIFO` priority of the task's first component. Triggered components may have a higher priority.
     pub priority: u8,
-    /// Time between two releases of the head of the whole trigger chain, ns. If events release it, the
-    /// minimum time.
+    /// Time between two releases of the first component in the whole trigger chain, ns. The minimum time if
+    /// events release this component.
     pub period_ns: u64,
-    /// Release of the first stage.
+    /// Condition that releases the first stage.
     pub release: Release,
     /// Stages, which run one after the other.
     pub stages: Vec<Stage>,
 }
 
-/// Release of a task.
+/// Condition that releases a task.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Release {
@@ -87,10 +88,11 @@ pub enum Release {
         phase_ns: u64,
         /// Maximum time before a release at which spinning starts, ns.
         spin_ns: u64,
-        /// `true` if spinning may start later, depending on the wake-up errors of the machine.
+        /// `true` if spinning may start less than `spin_ns` before the release, depending on the wake-up
+        /// errors of the machine.
         tuned: bool,
-        /// `true` if releases are always on the grid; `false` if the overrun policy is `rephase`, which moves
-        /// the grid.
+        /// `true` if releases always follow the formula above; `false` if the overrun policy is `rephase`,
+        /// which shifts later releases.
         fixed: bool,
     },
     /// By an event from outside the graph, signalled by a file descriptor, at any time but at least one
@@ -100,7 +102,7 @@ pub enum Release {
     Trigger {
         /// Index of the publishing component in the plan.
         by: usize,
-        /// Maximum time from the publication until the core of the triggered component is notified, ns.
+        /// Maximum time from the publication until the triggered component's core is notified, ns.
         delay_ns: u64,
     },
 }
@@ -112,7 +114,7 @@ pub struct Stage {
     pub steps: Vec<Step>,
 }
 
-/// One step of one component as load of its core.
+/// One step of one component, with the load that it puts on its core.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub struct Step {
     /// Index of the component in the plan.
@@ -123,7 +125,7 @@ pub struct Step {
     pub overhead_ns: u64,
     /// Part of the overhead that follows the publication of the step, ns.
     pub after_ns: u64,
-    /// Maximum time for which the step waits for an answer without using the core, ns.
+    /// Maximum time for which the step waits for an answer from outside the graph without using the core, ns.
     pub waits_ns: u64,
 }
 
@@ -276,12 +278,13 @@ impl StaticPlan {
         });
     }
 
-    /// Returns the index of a component's reservation, and the reservation; `None` if it has none.
+    /// Returns a component's reservation and the index of the reservation; `None` if the component has no
+    /// reservation.
     pub fn reservation(&self, component: usize) -> Option<(usize, &Reservation)> {
         self.reservations.iter().enumerate().find(|(_, reservation)| reservation.step.component == component)
     }
 
-    /// Returns `true` if the plan knows the component: the component has a task or a reservation.
+    /// Returns `true` if the static plan contains the component, in a task or as a reservation.
     pub fn knows(&self, component: usize) -> bool {
         self.places[component].is_some() || self.reservation(component).is_some()
     }

@@ -139,7 +139,7 @@ fn not_known(analysis: &Analysis<'_>, problems: &mut Vec<Problem>) {
         };
         problems.push(Problem {
             severity: Severity::Warning,
-            message: format!("{words}: response times that depend on it cannot be verified"),
+            message: format!("{words}, so dependent response times cannot be verified"),
             arithmetic: None,
             advice: advice.to_string(),
         });
@@ -148,7 +148,7 @@ fn not_known(analysis: &Analysis<'_>, problems: &mut Vec<Problem>) {
         &unknown.without_budget,
         "has no budget",
         "have no budget",
-        "add `budget = \"100 us\"`, or the maximum execution time of a step",
+        "add the maximum execution time of a step, such as `budget = \"100 us\"`",
     );
     warn(
         &unknown.released_by_others,

@@ -223,7 +223,7 @@ fn components_without_a_budget_are_named_and_not_refused() {
     assert!(errors(&admission).is_empty());
     assert_eq!(
         warnings(&admission),
-        ["component `policy` has no budget: response times that depend on it cannot be verified"]
+        ["component `policy` has no budget, so dependent response times cannot be verified"]
     );
     let verdicts: Vec<_> = admission.tasks.iter().map(|task| task.verdict).collect();
     // all components at or below its priority, but not more urgent ones
@@ -267,7 +267,7 @@ fn real_time_after_best_effort_is_not_provable() {
     assert_eq!(
         warnings(&admission),
         [
-            "component `control` is triggered by a component that is not real-time: response times that depend on it cannot be verified"
+            "component `control` is triggered by a component that is not real-time, so dependent response times cannot be verified"
         ]
     );
 }

@@ -109,7 +109,7 @@ fn long_hyperperiods_are_cut_and_omissions_are_noted() {
     assert_eq!(
         drawn.notes,
         [
-            "only the first 10 ms of a hyperperiod of 999.983 s",
+            "only the first 10 ms of a hyperperiod of 999.983 s are shown",
             "no budget, drawn with zero length: `c`",
             "not real-time, not drawn: `d`",
         ]

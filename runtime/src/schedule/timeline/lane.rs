@@ -1,11 +1,11 @@
-//! The lane of a component in a timeline.
+//! The lane (row) of a component in a timeline.
 
 use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::schedule::Activity;
 
-/// Timeline of one component.
+/// The row of one component in a timeline: its releases, the intervals in which it runs, and its late steps.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct Lane {
     /// Name of the component.
@@ -16,7 +16,7 @@ pub struct Lane {
     pub releases_ns: Vec<u64>,
     /// Intervals in which the component runs on the core, in order.
     pub segments: Vec<Segment>,
-    /// Ends of steps that ended after the next release, ns from the start of the timeline.
+    /// End times of late steps, which ended after the next release, ns from the start of the timeline.
     pub late_ns: Vec<u64>,
 }
 

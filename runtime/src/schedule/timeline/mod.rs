@@ -1,6 +1,7 @@
-//! Simulation of one hyperperiod in which every component uses up its budget, without disturbances.
+//! Simulation of one hyperperiod of a graph, in which every component uses up its budget and nothing disturbs
+//! the machine.
 //!
-//! This is one possible execution, not the worst case of every component; the bounds of
+//! A timeline shows one possible execution, which need not be the worst case of each component. The bounds of
 //! [`admit`](super::admit) hold for all executions.
 
 mod lane;
@@ -22,7 +23,7 @@ use simulation::Simulation;
 pub struct Timeline {
     /// Simulated time, ns.
     pub length_ns: u64,
-    /// Hyperperiod of the graph, ns; `None` if it exceeds 64 bits.
+    /// Hyperperiod of the graph (the time after which its releases repeat), ns; `None` if it exceeds 64 bits.
     pub hyperperiod_ns: Option<u64>,
     /// Timelines of the cores, in ascending order.
     pub cores: Vec<CoreTimeline>,
@@ -54,7 +55,7 @@ impl CoreTimeline {
     }
 }
 
-/// Simulates one hyperperiod of a graph, but at most `longest_ns`.
+/// Simulates one hyperperiod of a graph (the time after which its releases repeat), but at most `longest_ns`.
 pub fn timeline(plan: &Plan, overheads: &Overheads, longest_ns: u64) -> Timeline {
     let tasks = StaticPlan::from_plan(plan, overheads);
     let hyperperiod_ns = hyperperiod(tasks.tasks.iter().map(|task| task.period_ns));
@@ -83,11 +84,11 @@ fn notes(plan: &Plan, tasks: &StaticPlan, hyperperiod_ns: Option<u64>, length_ns
     let mut notes = Vec::new();
     match hyperperiod_ns {
         None => notes.push(format!(
-            "only the first {}: the periods have no common multiple of a usable length",
+            "only the first {} are shown: the periods have no common multiple of a usable length",
             words::time(length_ns)
         )),
         Some(whole) if whole > length_ns => notes.push(format!(
-            "only the first {} of a hyperperiod of {}",
+            "only the first {} of a hyperperiod of {} are shown",
             words::time(length_ns),
             words::time(whole)
         )),

@@ -224,7 +224,7 @@ fn session_writes_a_topic_by_its_layout() {
     assert_eq!(session.read::<Wrench>("slow").unwrap().unwrap().stamp.publish_time, 4_000_000);
     assert!(matches!(session.writer("fast"), Err(SessionError::NotOurs { .. })));
     let error = session.publish("slow", &value).unwrap_err().to_string();
-    assert!(error.contains("another type"), "{error}");
+    assert!(error.contains("a different type"), "{error}");
 }
 
 #[test]

@@ -54,7 +54,7 @@ pub enum DecodeError {
     Count {
         /// Name of the field that counts the entries.
         count: String,
-        /// Value of that field.
+        /// Value of the field `count`.
         found: u64,
         /// Name of the counted array.
         field: String,
@@ -103,7 +103,7 @@ impl Serialize for Decoded<'_> {
     }
 }
 
-/// Decodes samples of one layout.
+/// Converts the bytes of samples to named values, according to the layout of their type.
 ///
 /// ```
 /// use motorium::state::{Decoder, StateBuffer, Wrench};
@@ -131,7 +131,7 @@ struct Field {
 }
 
 impl Decoder {
-    /// Creates a decoder for a layout.
+    /// Creates a decoder for samples with this layout.
     ///
     /// # Errors
     /// A field of the layout has an unknown type or is outside the sample.
@@ -160,10 +160,10 @@ impl Decoder {
         Ok(Self { size: layout.size, fields })
     }
 
-    /// Decodes a sample.
+    /// Decodes the bytes of one sample.
     ///
     /// # Errors
-    /// The sample is truncated, or its count exceeds its capacity.
+    /// The sample has the wrong size, or a count exceeds the capacity of its array.
     pub fn decode(&self, bytes: &[u8]) -> Result<Decoded<'_>, DecodeError> {
         if bytes.len() < self.size {
             return Err(DecodeError::Short { found: bytes.len(), expected: self.size });

@@ -51,7 +51,7 @@ scalars!(
     I8 i8 i64, I16 i16 i64, I32 i32 i64, I64 i64 i64
 );
 
-/// A number of a sample, widened to the largest type of its kind.
+/// A number of a sample, converted to the widest type of its kind.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Number {
     /// A number stored as an `f64`.

@@ -2,14 +2,15 @@
 //!
 //! # Overview
 //! The memory of a topic consists of a word that identifies the newest publication, one pin per reader, and
-//! two more slots than pins. A reader pins the slot of the newest value and uses it in place, as a plain `&T`
-//! that does not change until the reader pins the next one. The writer fills an unpinned slot. Nothing is
-//! copied, no one waits, and the cost of an exchange does not depend on the size of the value.
+//! slots for values, two more than pins. A reader pins the slot of the newest value and uses the value in
+//! place, as a plain `&T` that does not change until the reader pins the next slot. The writer fills an
+//! unpinned slot. Nothing is copied, no process waits, and the cost of an exchange does not depend on the
+//! size of the value.
 //!
 //! # Process crashes
-//! A killed reader leaves one slot pinned until its successor takes over the pin. The writer still finds a
-//! free slot, because there is one for every pin. A killed writer leaves the last complete value, no matter
-//! how much of the next one it had written.
+//! A killed reader leaves one slot pinned until its successor takes over the pin. The writer nevertheless
+//! finds a free slot, because there are more slots than pins. A killed writer leaves the last complete value,
+//! no matter how much of the next value it had written.
 //!
 //! # Weakly ordered processors
 //! [`protocol`] and [`notify`] are written once, generic over their atomics, and model-checked with loom

@@ -3,16 +3,16 @@
 //!
 //! * The writer fills a slot that is neither the newest nor pinned, and announces it with a single store of
 //!   one word that contains the publication number and the slot.
-//! * A reader pins the announced slot, then checks that it is still the announced one. If so, the writer sees
+//! * A reader pins the announced slot, then checks that this slot is still announced. If so, the writer sees
 //!   the pin before it can choose that slot again, and the reader may use the value in place while it keeps
-//!   the pin. Otherwise, the reader pins the newer slot; it retries at most once per publication.
+//!   the pin. Otherwise, the reader pins the newly announced slot. It retries at most once per publication.
 //! * A tap reads a particular publication, which need not be the newest. It pins the slot marked with the
 //!   number of that publication, then checks that the mark is still there. The writer removes the mark of a
 //!   slot before it checks the pins.
 //!
 //! With two more slots than pins, the writer always finds a free slot. A killed reader leaves one slot pinned
-//! until its successor pins another. A killed writer leaves the last announced value and one slot without a
-//! mark.
+//! until its successor pins a new slot. A killed writer leaves the last announced value and one slot without
+//! a mark.
 
 use core::fmt::Debug;
 use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};

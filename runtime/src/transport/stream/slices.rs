@@ -185,8 +185,8 @@ impl<T: StateBuffer> core::ops::DerefMut for SliceLoan<'_, T> {
 
 impl<T: StateBuffer> SliceLoan<'_, T> {
     /// Fills the slice with values, until the slice is full or the values run out. Each element is checked
-    /// while it is written. [`publish`](Self::publish) then skips its check, unless the slice was not filled
-    /// completely or was written to in the meantime. Returns the number of elements written.
+    /// while it is written. [`publish`](Self::publish) then skips its own check, provided that the slice was
+    /// filled completely and not written to since. Returns the number of elements written.
     ///
     /// ```
     /// # use motorium::prelude::*;
@@ -207,13 +207,14 @@ impl<T: StateBuffer> SliceLoan<'_, T> {
     /// Publishes the slice and wakes the components that the topic triggers.
     ///
     /// # Errors
-    /// [`StepError::InvalidOutput`] if a number of the slice is not finite. Nothing is published then.
+    /// [`StepError::InvalidOutput`] if a number of the slice is not finite. In this case nothing is
+    /// published.
     pub fn publish(self) -> Result<(), StepError> {
         self.finish(None)
     }
 
-    /// Publishes the slice like [`publish`](Self::publish), with an explicit source time, such as the
-    /// exposure time of an image, in ns on the clock of stamps. See
+    /// Publishes the slice like [`publish`](Self::publish), but with an explicit source time, such as the
+    /// time at which an image was exposed, in ns on the clock of stamps. See
     /// [`Loan::publish_from`](crate::transport::Loan::publish_from).
     ///
     /// # Errors

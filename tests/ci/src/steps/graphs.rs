@@ -1,4 +1,4 @@
-//! Example graphs in lockstep, on all engines. None of these depends on real time.
+//! Runs of example graphs in lockstep, on all engines. None of these runs depends on real time.
 
 use std::fs;
 use std::path::Path;

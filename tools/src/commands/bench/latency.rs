@@ -1,4 +1,5 @@
-//! `motorium bench latency`: floors of the machine, motorium and peers side by side.
+//! `motorium bench latency`: measures the latencies of motorium next to the floors of the machine (the lowest
+//! possible latencies) and to peers.
 
 use std::fs::File;
 use std::io::Write as _;

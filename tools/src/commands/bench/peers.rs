@@ -1,5 +1,5 @@
-//! Measurements of other installed systems: runs `benches/peers/measure` and reads the measurements it
-//! prints.
+//! Measurements of comparable installed systems (peers): runs `benches/peers/measure` and reads the
+//! measurements that it prints.
 
 use std::io::{BufRead as _, BufReader};
 use std::path::Path;

@@ -1,5 +1,5 @@
-//! The ratchet: fails if hops, releases or chains exceed their bounds, as ratios to the floors of the same
-//! run.
+//! The ratchet (`--ratchet`): fails if the ratio of a hop, release or chain to the floor of the same run
+//! exceeds its bound.
 
 use std::process::ExitCode;
 

@@ -79,8 +79,7 @@ fn beside_a_sleeper(written: &Written) -> Option<String> {
     let of = |name: &str| written.get(name).map(|measurement| measurement.ns.p50);
     let (hop, floor) = (of("hop.blocking.across.1khz.512")?, of("floor.futex.across.1khz")?);
     Some(format!(
-        "beside: blocking hop across cores once a millisecond, so that its receiver sleeps: p50 {} us, {:.2} times the \
-         raw futex at that pace\n",
+        "for comparison: blocking hop across cores once a millisecond, so that its receiver sleeps: p50 {} us, {:.2} times the raw futex at that pace\n",
         microseconds(hop),
         hop as f64 / floor.max(1) as f64
     ))
@@ -91,8 +90,7 @@ fn beside_copper(written: &Written) -> Option<String> {
     let (ours, copper) = (written.get("chain.17")?, written.get("peer.copper.17")?);
     let ratio = |of: u64, to: u64| of as f64 / to.max(1) as f64;
     Some(format!(
-        "beside: copper's caterpillar, 17 tasks in one process: p50 {} us, p99 {} us; ours, 17 processes, takes {:.1} \
-         and {:.1} times that\n",
+        "for comparison: copper's caterpillar, 17 tasks in one process: p50 {} us, p99 {} us; motorium's 17 processes take {:.1} and {:.1} times as long\n",
         microseconds(copper.ns.p50),
         microseconds(copper.ns.p99),
         ratio(ours.ns.p50, copper.ns.p50),

@@ -101,7 +101,10 @@ impl Calibrate {
         }
         if self.save {
             let path = overheads::save(answer.overheads)?;
-            self.progress(&format!("saved in {}: `check` and `run` use it from now on", path.display()));
+            self.progress(&format!(
+                "saved in {}: `motorium check` and `motorium run` now use these overheads",
+                path.display()
+            ));
         }
         Ok(ExitCode::SUCCESS)
     }

@@ -140,7 +140,7 @@ fn describe_homing(drive: &DriveEntry) -> String {
     let number = |value: Option<f64>| value.unwrap_or_default();
     match (homing.by, homing.method) {
         (HomingBy::Stop, _) => format!(
-            "by the adapter, at {} with up to {} against the stop at {}",
+            "by the adapter, at velocity {} with effort up to {} against the stop at position {}",
             number(homing.velocity),
             number(homing.effort),
             number(homing.position)

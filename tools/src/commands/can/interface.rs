@@ -1,4 +1,4 @@
-//! Bus interfaces.
+//! CAN bus interfaces of the computer.
 
 use motorium_can::OpenError;
 

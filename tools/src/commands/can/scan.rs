@@ -1,4 +1,5 @@
-//! `motorium can scan`: the interfaces of the computer, and the devices on one of them, or on a serial line.
+//! `motorium can scan`: lists the CAN interfaces of the computer, or the devices on an interface or a serial
+//! line.
 
 use std::process::ExitCode;
 use std::time::Duration;
@@ -81,7 +82,8 @@ impl Scan {
             let carries_fd = |interface: &Interface| interface.name == *name && interface.is_fd;
             anyhow::ensure!(
                 !self.fd || Interface::all()?.iter().any(carries_fd),
-                "`{name}` does not carry CAN FD: set it up so (`ip link set {name} type can ... dbitrate 5000000 fd on`), or leave `--fd` out"
+                "`{name}` does not carry CAN FD: configure it for CAN FD (`ip link set {name} type can ... dbitrate \
+                 5000000 fd on`), or leave `--fd` out"
             );
             RealBus::of_interface(name)
         };
@@ -219,7 +221,7 @@ fn describe(name: &str, bus: &RealBus, found: &Found) -> String {
         let why = if counts.unacknowledged > 0 || counts.queue_full > 0 {
             "nobody acknowledges: power, bitrate, termination?"
         } else {
-            "they may be off, speak another protocol, or have another bitrate"
+            "the devices may be off, speak a different protocol, or use a different bitrate"
         };
         text += &format!("no device answers on `{name}`: {why}\n");
     }

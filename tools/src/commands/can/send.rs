@@ -46,7 +46,7 @@ impl Send {
     pub(super) fn run(self) -> anyhow::Result<ExitCode> {
         anyhow::ensure!(
             self.every.is_none_or(|every| every.ns > 0),
-            "`--every` is 0, and the bus would carry nothing else: write a time such as \"10 ms\""
+            "`--every` is 0, so the frames would occupy the whole bus: write a time such as \"10 ms\""
         );
         let records = match self.records()? {
             Ok(records) => records,

@@ -1,4 +1,4 @@
-//! Serial lines: slcan adapters, and servos at their speeds.
+//! Serial lines: slcan adapters and servos, and the speeds at which they are found.
 
 use std::process::ExitCode;
 
@@ -42,7 +42,9 @@ pub(super) fn scan(path: &str, speeds: &[u32], json: bool) -> anyhow::Result<Exi
         if found.is_empty() {
             let speeds: Vec<String> = speeds.iter().map(u32::to_string).collect();
             outln!("no servo answers on `{path}` at {} bit/s, and no adapter with slcan:", speeds.join(", "));
-            outln!("they may be off, have another speed, or be on another line (`ls /dev/serial/by-id`)");
+            outln!(
+                "servos may be off, use a different speed, or be on a different line (`ls /dev/serial/by-id`)"
+            );
         }
     }
     Ok(if found.is_empty() { exit::FAILED } else { ExitCode::SUCCESS })

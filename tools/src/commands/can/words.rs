@@ -1,4 +1,4 @@
-//! Database for decoding frames.
+//! DBC database, by which the frames of a CAN bus are decoded.
 
 use std::path::PathBuf;
 use std::process::ExitCode;

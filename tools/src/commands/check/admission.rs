@@ -69,8 +69,8 @@ fn assumptions(admission: &Admission, origin: &str) -> String {
     let time = |ns: u64| TimeSpan { ns };
     let overheads = &admission.overheads;
     format!(
-        "included: {} per step, {} more if the clock releases it, {} per hand-over on a core, {} to another core and {} \
-         of looking there, {} late wake-up unless spun away\n({origin})",
+        "included overheads: {} per step, {} per release by the clock, {} per hand-over on a core, {} per hand-over \
+         across cores, {} of polling after it, {} per wake-up minus the spin time\n({origin})",
         time(overheads.worker_ns),
         time(overheads.timer_ns),
         time(overheads.hop_same_core_ns),

@@ -29,8 +29,8 @@ pub(super) fn warnings(times: &[DeclareTime]) -> String {
             (TimeSpan { ns: wall_ns / 1_000_000 * 1_000_000 }, TimeSpan { ns: DECLARE_BOUND_NS });
         let _ = writeln!(
             text,
-            "{}: component `{component}` took {took} to declare itself, more than {bound}\n  every check and every start \
-             waits for it: move what takes so long from `declare` to `configure`\n",
+            "{}: component `{component}` took {took} to declare itself, more than {bound}\n  every check and every \
+             start waits for this: move long computations from `declare` to `configure`\n",
             style::warning("warning"),
         );
     }

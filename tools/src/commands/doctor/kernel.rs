@@ -130,8 +130,8 @@ fn check_preemption(preemption: Preemption) -> Finding {
         Preemption::Lazy => {
             "lazy, not PREEMPT_RT: normal threads may delay real-time threads inside the kernel"
         }
-        Preemption::Voluntary => "voluntary: a real-time thread waits for others to leave the kernel",
-        Preemption::None => "none: a real-time thread waits until others leave the kernel",
+        Preemption::Voluntary => "voluntary: a real-time thread waits for other threads to leave the kernel",
+        Preemption::None => "none: a real-time thread waits until other threads leave the kernel",
         Preemption::Unknown => "chosen at boot, but not readable as this user",
     };
     Finding::warn(name, found, better)

@@ -80,7 +80,7 @@ fn examine(time: Duration, clean: bool) -> Examination {
     findings.extend(leftovers.findings(&removed));
     findings.push(Finding::pass(
         "iceoryx2",
-        format!("{} (all programs of a graph need this one)", PackageVersion::get()),
+        format!("{} (all programs of a graph need this version)", PackageVersion::get()),
     ));
     let wakeup = (!time.is_zero()).then(|| wakeup::measure(time)).flatten();
     findings.extend(wakeup.as_ref().map(wakeup::check));
@@ -94,12 +94,15 @@ fn conclusion(findings: &[Finding]) -> String {
         (0, 0) => format!("{}: this machine is fit for real time", style::good("fit")),
         (0, warnings) => {
             format!(
-                "{}: graphs run in real time; {warnings} of the above could be better",
+                "{}: graphs run in real time; {warnings} of the findings above could be better",
                 style::good("fit")
             )
         }
         (failures, warnings) => {
-            format!("{}: {failures} of the above failed, {warnings} could be better", style::error("not fit"))
+            format!(
+                "{}: {failures} of the checks above failed, {warnings} could be better",
+                style::error("not fit")
+            )
         }
     }
 }
@@ -119,9 +122,11 @@ mod tests {
         let warn = Finding::warn("b", "x", "y");
         let fail = Finding::fail("c", "x", "y");
         assert!(conclusion(std::slice::from_ref(&pass)).contains("is fit for real time"));
-        assert!(conclusion(&[pass.clone(), warn.clone()]).contains("1 of the above could be better"));
+        assert!(
+            conclusion(&[pass.clone(), warn.clone()]).contains("1 of the findings above could be better")
+        );
         let text = anstream::adapter::strip_str(&conclusion(&[pass, warn, fail])).to_string();
-        assert_eq!(text, "not fit: 1 of the above failed, 1 could be better");
+        assert_eq!(text, "not fit: 1 of the checks above failed, 1 could be better");
     }
 
     #[test]

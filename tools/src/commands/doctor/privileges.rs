@@ -59,7 +59,7 @@ fn check_fifo(tried: &Result<u8, String>, capable: bool) -> Finding {
         Ok(priority) => Finding::pass(name, format!("granted and read back (priority {priority})")),
         Err(reason) if capable => {
             let found = format!(
-                "denied ({reason}), although this user may: the control group has no real-time budget"
+                "denied ({reason}), although this user has the permission: the control group has no real-time budget"
             );
             let fix = "echo 950000 | sudo tee /sys/fs/cgroup/cpu/$(cut -d: -f3 /proc/self/cgroup | head -1)/cpu.rt_runtime_us, \
                        or boot with rt_group_sched=0";

@@ -69,7 +69,8 @@ impl Draw {
         if let Some(source) = &source {
             anyhow::ensure!(
                 source.fits(&plan),
-                "the report belongs to another graph than `{}`: no component has the same name; pass the graph file of that run",
+                "the report does not belong to graph `{}`: they have no component name in common; pass the graph \
+                 file of the reported run",
                 plan.name
             );
         }

@@ -125,7 +125,7 @@ fn follow(
     let end = watch.follow(POLL, Some(within), || {
         reader.poll();
         let Some(status) = reader.value::<GoalStatus>()?.filter(|status| status.goal == goal.number) else {
-            anyhow::ensure!(last.is_none(), "another goal has replaced this one");
+            anyhow::ensure!(last.is_none(), "a newer goal has replaced this goal");
             let is_late = begin.elapsed() >= ANSWER;
             anyhow::ensure!(
                 !is_late,

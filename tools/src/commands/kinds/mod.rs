@@ -1,4 +1,4 @@
-//! `motorium kinds`: lists the kinds of components, or describes one from its declaration.
+//! `motorium kinds`: lists the kinds of components, or describes a single kind from its declaration.
 
 mod example;
 mod keys;

@@ -1,4 +1,4 @@
-//! The programs that host kinds: this one, other installed ones, and the user's.
+//! The programs that host kinds: this program, further installed programs, and the user's program.
 
 use std::path::{Path, PathBuf};
 

@@ -74,7 +74,7 @@ impl Stage {
             .collect();
         ensure!(
             targets.len() == 1,
-            "graph `{}` has {} topics of type {}, expected one: of the policy that moves an end effector",
+            "graph `{}` has {} topics of type {}, expected one, from the policy that moves an end effector",
             plan.name,
             targets.len(),
             PoseTarget::NAME
@@ -90,7 +90,7 @@ impl Stage {
         let loaded = robots::load_in_world(robot)?;
         ensure!(
             !loaded.model.base().floating,
-            "robot `{}` has a floating base, expected a fixed one",
+            "robot `{}` has a floating base, expected a fixed base",
             robot.name
         );
         let frame = loaded.end_effector(None)?;

@@ -288,7 +288,7 @@ impl Graph {
         };
         ensure!(
             middle.duration_ns.is_some(),
-            "the graph has no duration, expected one of each evaluation\nhelp: add `--for 5s`"
+            "the graph has no duration, expected the duration of an evaluation\nhelp: add `--for 5s`"
         );
         for figure in middle.expectations.iter().rev().take(rollout.rewards.len()) {
             let component = figure.component();
@@ -296,7 +296,7 @@ impl Graph {
                 middle.components.iter().map(|component| component.name.as_str()).collect();
             ensure!(
                 names.contains(&component),
-                "the reward `{}` is of component `{component}`, expected one of {}",
+                "the reward `{}` names component `{component}`, expected one of {}",
                 figure.figure,
                 names.join(", ")
             );

@@ -1,4 +1,4 @@
-//! The library that a command writes or shows.
+//! The motion library that a command writes or shows.
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;

@@ -124,7 +124,7 @@ impl Update {
     pub(super) fn run(self) -> anyhow::Result<ExitCode> {
         anyhow::ensure!(
             self.forgetting > 0.0 && self.forgetting <= 1.0,
-            "--forgetting is {}, expected more than 0, at most 1",
+            "--forgetting is {}, expected a number above 0 and at most 1",
             self.forgetting
         );
         let library = file::read(&self.file)?;

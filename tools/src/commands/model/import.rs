@@ -91,7 +91,7 @@ fn bundle_file(path: &Path) -> anyhow::Result<Option<PathBuf>> {
     }
     match <[PathBuf; 1]>::try_from(files) {
         Ok([file]) => Ok(Some(file)),
-        Err(files) => bail!("{}: {} YAML files, expected the one of a LEAPP bundle", name(path), files.len()),
+        Err(files) => bail!("{}: {} YAML files, expected one, as in a LEAPP bundle", name(path), files.len()),
     }
 }
 

@@ -1,6 +1,6 @@
 //! Readers for the YAML files of training frameworks.
 //!
-//! Only the keys that an importer reads are declared. Others are ignored, including Python tags
+//! Only the keys that an importer reads are declared. All other keys are ignored, and so are Python tags
 //! (`!!python/tuple`, `!!python/object/apply:builtins.slice`).
 
 use std::collections::BTreeMap;

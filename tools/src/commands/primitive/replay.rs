@@ -79,7 +79,7 @@ fn via(text: &str) -> Result<ViaPoint, String> {
         return Err(format!("invalid phase `{phase}`, expected a number from 0 to 1"));
     };
     if !(0.0..=1.0).contains(&phase) {
-        return Err(format!("a phase of {phase}, expected from 0 to 1"));
+        return Err(format!("a phase of {phase}, expected a number from 0 to 1"));
     }
     let deviation = parts.next().map_or(Ok(1e-4), positive)?;
     Ok(ViaPoint { phase, position: numbers(place)?.0, deviation })
@@ -192,7 +192,7 @@ mod tests {
         let expected = ViaPoint { phase: 0.5, position: vec![0.1, -2.0], deviation: 1e-4 };
         assert_eq!(via("0.5:0.1,-2"), Ok(expected.clone()));
         assert_eq!(via("0.5:0.1,-2:0.01"), Ok(ViaPoint { deviation: 0.01, ..expected }));
-        assert_eq!(via("1.5:1").unwrap_err(), "a phase of 1.5, expected from 0 to 1");
+        assert_eq!(via("1.5:1").unwrap_err(), "a phase of 1.5, expected a number from 0 to 1");
         assert!(via("0.5").unwrap_err().contains("a colon"));
         assert!(via("0.5:a").unwrap_err().contains("`a` is not a number"));
     }

@@ -72,7 +72,7 @@ impl Animate {
         let end_ns = (end_ns - begin_ns).min(self.to.map_or(u64::MAX, |to| to.ns));
         anyhow::ensure!(
             self.from.ns < end_ns,
-            "`--from` is {}, expected before the end of the picture at {}",
+            "`--from` is {}, expected a time before the end of the picture at {}",
             self.from,
             TimeSpan { ns: end_ns }
         );

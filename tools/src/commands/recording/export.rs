@@ -205,7 +205,8 @@ impl Export {
                 let (cameras, depths) = usual_cameras(recording);
                 for topic in depths {
                     eprintln!(
-                        "note: the pictures of `{topic}` are depths in metres, and are left out: a dataset has 8 bits a colour"
+                        "note: the pictures of `{topic}` are depths in metres, and are left out: a dataset has 8 \
+                         bits per colour"
                     );
                 }
                 cameras
@@ -236,8 +237,8 @@ fn refuse_file(folder: &Path) -> anyhow::Result<()> {
     let is_table = ["csv", "parquet"].iter().any(|known| extension.eq_ignore_ascii_case(known));
     anyhow::ensure!(
         folder.is_dir() || !(is_table || folder.exists()),
-        "`--output {}` is the name of a file, expected a folder: each topic becomes a file in it, in the format that \
-         `--format csv` or `--format parquet` says",
+        "`--output {}` is the name of a file, expected a folder: each topic becomes a file in this folder; \
+         `--format csv` or `--format parquet` selects the format",
         folder.display()
     );
     Ok(())

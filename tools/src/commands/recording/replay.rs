@@ -159,13 +159,13 @@ impl Replay {
         let eased = ease_in(plan, &self.live, self.ease_in, self.ramp_down);
         if eased.is_empty() {
             errln!(
-                "{} `{robot}` follows the recording from wherever it is: none of the components that command it reads joint \
-                 states which are measured in this run; `--live` the one that measures them, too",
+                "{} `{robot}` starts the recording from its current pose, because no component that commands it \
+                 reads joint states measured in this run; add the component that measures them by `--live`",
                 style::warning("warning:")
             );
         } else {
             errln!(
-                "`{}`: {} to the first recorded pose, and {} to rest after the last",
+                "`{}`: {} to the first recorded pose, and {} to rest after the last pose",
                 eased.join("`, `"),
                 self.ease_in,
                 self.ramp_down

@@ -70,7 +70,7 @@ impl Hulls {
         let document = Document::parse(&urdf).context("reading the file as XML")?;
         anyhow::ensure!(
             document.root_element().has_tag_name("robot"),
-            "hulls are written for URDF files; MuJoCo makes its own of the meshes of an MJCF file, and so does motorium"
+            "hulls are only written for URDF files; for MJCF files, MuJoCo and motorium compute the hulls of all meshes"
         );
         let meshes = meshes(&document);
         anyhow::ensure!(!meshes.is_empty(), "no link of robot `{}` has a mesh", robot.model.name());

@@ -1,4 +1,4 @@
-//! `motorium robot`: robots of the catalogue, installed ones, and any URDF file.
+//! `motorium robot`: commands for robots of the catalogue, installed robots, and robot files.
 
 mod bench;
 mod check;

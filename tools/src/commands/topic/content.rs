@@ -85,7 +85,7 @@ impl Slice<'_> {
             let _ = write!(text, "{begin} {number:>8}{}", if is_last { "\n" } else { "" });
         }
         if count > shown {
-            let _ = writeln!(text, "  and {} more, which --json prints, too", count - shown);
+            let _ = writeln!(text, "  and {} more; --json prints all", count - shown);
         }
         text
     }
@@ -155,7 +155,7 @@ mod tests {
         assert_eq!(json.matches('7').count(), 100);
         let lines: Vec<&str> = text.lines().collect();
         assert_eq!(lines.len(), 1 + 4 + 1, "{text}");
-        assert_eq!(lines[5], "  and 68 more, which --json prints, too");
+        assert_eq!(lines[5], "  and 68 more; --json prints all");
         assert_eq!(shown(u8::layout(), &[]), ("[]".to_string(), "  0 elements of u8\n".to_string()));
     }
 

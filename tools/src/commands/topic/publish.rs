@@ -1,4 +1,4 @@
-//! `motorium topic pub`: feeds a topic of a running graph from outside.
+//! `motorium topic pub`: publishes values on a topic of a running graph from outside.
 
 use std::process::ExitCode;
 use std::sync::atomic::Ordering::Relaxed;

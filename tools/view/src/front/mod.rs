@@ -1,9 +1,10 @@
 //! The port of the viewer: serves the page over HTTP and forwards WebSockets to the server of Foxglove's
 //! protocol.
 //!
-//! That server accepts only WebSockets and listens on its own port, so both are behind this one. A WebSocket
-//! whose address contains the token gets the right to command before its first message is forwarded: the
-//! token is set as the parameter [`TOKEN`](crate::rights::TOKEN), as a viewer may do itself.
+//! The server of Foxglove's protocol accepts only WebSockets and listens on a separate internal port, so this
+//! module forwards connections to it. A WebSocket whose address contains the token gets the right to command
+//! before its first message is forwarded. For this purpose the module sets the token as the parameter
+//! [`TOKEN`](crate::rights::TOKEN), which viewers may also set.
 
 mod files;
 mod head;
@@ -28,14 +29,15 @@ const SHORTAGE: Duration = Duration::from_millis(100);
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum FrontError {
     #[error(
-        "port {0} is in use, perhaps by another `motorium view`; choose another with `--port`, or 0 for any free port"
+        "port {0} is in use, perhaps by another `motorium view`; choose another port with `--port`, or 0 for any \
+         free port"
     )]
     Taken(u16),
     #[error("port {port} of this machine cannot be served: {reason}")]
     Refused { port: u16, reason: io::Error },
 }
 
-/// Returns the digest of the page, stored in screenshots by `--headless-check`.
+/// Returns the digest of the viewer's page, which `--headless-check` stores in its screenshots.
 ///
 /// ```
 /// assert_eq!(motorium_view::page_digest().len(), 16);

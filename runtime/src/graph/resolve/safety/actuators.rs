@@ -68,9 +68,9 @@ pub(in super::super) fn resolve(
         {
             let (period, name) = (TimeSpan { ns: period_ns }, drafts[writer].name);
             report
-                .error(format!("commands of `{}` become stale before the next one arrives", draft.name))
+                .error(format!("commands of `{}` become stale before the next command arrives", draft.name))
                 .label(&at.span, format!("{age}, shorter than {period}"))
-                .and(&span, format!("`{name}` writes one every {period}"))
+                .and(&span, format!("`{name}` writes a command every {period}"))
                 .advise(format!("set `stale_after` to more than {period}, or run `{name}` faster"));
         }
         let stale_after_ns = good_or(&table.stale_after, TimeSpan { ns: graph.stale_after_ns }).ns;

@@ -82,7 +82,7 @@ pub(super) fn max_age(
         let (name, period) = (drafts[writer].name, TimeSpan { ns: period_ns });
         report
             .warning(format!(
-                "the emergency stop counts as pressed between two values: `{name}` writes one every {period}"
+                "the emergency stop counts as pressed between two values: `{name}` writes a value every {period}"
             ))
             .label(at.map_or(&topic.span, |at| &at.span), format!("`emergency_stop_max_age` is {max_age}"))
             .advise(format!("run `{name}` faster, or allow more than {period}"));

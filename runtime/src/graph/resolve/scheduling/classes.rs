@@ -40,7 +40,7 @@ pub(super) fn classes(
         if schedules[component] == Schedule::Fifo && schedules[head] == Schedule::Normal {
             report
                 .warning(format!(
-                    "component `{}` is real-time, but waits for `{}`, which is not",
+                    "component `{}` is real-time, but waits for `{}`, which is not real-time",
                     draft.name, drafts[head].name
                 ))
                 .label(&draft.place, "any other program can delay its trigger chain")
@@ -81,13 +81,13 @@ fn deadline(draft: &Draft<'_, '_>, period_ns: Option<u64>, report: &mut Report) 
     if table.budget.is_none() {
         report
             .error(format!("component `{name}` is scheduled by its deadline but has no budget"))
-            .label(place, "the kernel must know the time it needs in every period")
-            .advise("add `budget = \"200 us\"`, or what `motorium calibrate` proposes");
+            .label(place, "the kernel must know the CPU time per period")
+            .advise("add a budget such as `budget = \"200 us\"`; `motorium calibrate` proposes a value");
     }
     if let Some((trigger, _, label)) = activate::not_by_the_clock(draft) {
         report
             .error(format!("component `{name}` is scheduled by its deadline but has no rate"))
-            .label(place, "the kernel gives it time in fixed periods")
+            .label(place, "the kernel grants CPU time in fixed periods")
             .and(trigger, label)
             .advise("give it a `rate`, or schedule it as `fifo`");
     }
@@ -112,7 +112,9 @@ fn priority(draft: &Draft<'_, '_>, schedule: Schedule, report: &mut Report) -> O
         report
             .error(format!("the priority of component `{}` is {number}", draft.name))
             .label(&at.span, format!("expected 1 to {HIGHEST_PRIORITY}"))
-            .advise("higher is more urgent; leave it out to have priorities follow the rates");
+            .advise(
+                "a higher number is more urgent; without `priority`, faster components get higher priorities",
+            );
     }
     let (why, label) = match schedule {
         Schedule::Fifo => return priority,

@@ -149,7 +149,7 @@ fn given(
             .error(format!("core {core} is not one of the graph's cores"))
             .label(&at.span, "not listed in `[cores]`")
             .advise(format!(
-                "real-time cores are {}, shared cores {}; add it to one of them",
+                "real-time cores are {}, shared cores {}; add the core to one of these lists",
                 names(&cores.realtime),
                 names(&cores.shared)
             ));
@@ -171,7 +171,9 @@ pub(super) fn unused_core(
             report
                 .warning(format!("no component runs on the real-time core {core}"))
                 .label(&at.span, "idle")
-                .advise(format!("pin a component there with `core = {core}`, or leave the core out"));
+                .advise(format!(
+                    "pin a component to it with `core = {core}`, or remove the core from `[cores]`"
+                ));
         }
     }
 }

@@ -83,5 +83,5 @@ fn never_sleeps(draft: &Draft<'_, '_>, span: &Span, period_ns: u64, report: &mut
     report
         .warning(format!("component `{}` never sleeps: it spins until its next step", draft.name))
         .label(span, format!("not shorter than its period of {}", TimeSpan { ns: period_ns }))
-        .advise("a shorter `spin` leaves time to others; 100 us is enough on most machines");
+        .advise("a shorter `spin` leaves time to other threads; 100 us is enough on most machines");
 }

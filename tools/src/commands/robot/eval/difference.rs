@@ -1,4 +1,4 @@
-//! Comparison of results in the input with ours.
+//! Comparison of the results in the input with motorium's results.
 
 use std::collections::BTreeMap;
 

@@ -1,4 +1,4 @@
-//! Order of joints in the vectors of the input, and the number of entries of each.
+//! Order of joints in the vectors of the input, and the number of entries per joint.
 
 use anyhow::{Context as _, ensure};
 use motorium_robots::{JointKind, Model};
@@ -76,7 +76,7 @@ impl Layout {
             if based {
                 "`root_joint` is listed, but the robot's base is fixed; add --floating-base"
             } else {
-                "the robot's base floats, but `root_joint` is not listed; add --fixed-base if it should not"
+                "the robot's base floats, but `root_joint` is not listed; add --fixed-base if the base should be fixed"
             }
         );
         ensure!(self.nv == model.nv(), "the joints have {} entries in v, expected {}", self.nv, model.nv());

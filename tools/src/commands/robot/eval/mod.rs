@@ -1,4 +1,4 @@
-//! `motorium robot eval`: everything the library computes, at given states.
+//! `motorium robot eval`: evaluates the kinematics and dynamics of a robot at given states.
 
 mod answer;
 mod difference;

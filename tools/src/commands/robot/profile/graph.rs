@@ -1,4 +1,4 @@
-//! First graph of a robot: it stands or holds its home pose, then reaches another pose.
+//! First graph of a robot, in which the robot stands or holds its home pose and then reaches a second pose.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};

@@ -18,9 +18,9 @@ use crate::style;
 /// Write a first profile of a robot, to be edited: feet, end effectors, home pose, gains and limits.
 ///
 /// Feet and end effectors come from the SRDF next to the file. Without one, they are derived from the link
-/// names and the tip of the longest chain of joints. A robot with feet gets a floating base and stands in its
-/// home pose; the home pose of an arm is bent and within its limits. Gains and accelerations follow from
-/// inertias, friction and effort limits.
+/// names and the tip of the longest chain of joints. The home pose of a robot with feet is a standing pose,
+/// and its base floats. The home pose of an arm is bent and within the limits. Gains and accelerations follow
+/// from inertias, friction and effort limits.
 ///
 /// A graph names the profile with the key `profile` in `[robot.NAME]`. A profile with the same name as the
 /// robot's file, in the same folder, needs no entry.
