@@ -175,6 +175,6 @@ mod tests {
         assert!(text.contains("missed: blocking hop, one core"), "{text}");
         assert!(text.contains("host took 20 ms"), "{text}");
         assert!(text.contains("receiver sleeps: p50 30.0 us, 1.25 times the raw futex"), "{text}");
-        assert!(text.contains("takes 2.0 and 2.0 times that") && text.ends_with("took 12 s\n"), "{text}");
+        assert!(text.contains("take 2.0 and 2.0 times as long") && text.ends_with("took 12 s\n"), "{text}");
     }
 }
