@@ -3,9 +3,9 @@
 /// Returns the candidate that is most similar to `wanted`, or `None` if no candidate is similar enough.
 ///
 /// The measure is the case-insensitive Damerau-Levenshtein distance, in which `-`, `_` and spaces are equal.
-/// A candidate is similar if the distance is at most a third of the letters of `wanted` (at least one). A
-/// candidate is also similar if `wanted` has at least three letters and is a prefix or suffix of the
-/// candidate, such as `index_q1` of `left_index_q1`. Graph files use the same measure.
+/// A candidate is similar enough if its distance is at most 1, or at most a third of the number of letters in
+/// `wanted`. It is also similar enough if `wanted` has at least three letters and is a prefix or suffix of
+/// the candidate, such as `index_q1` of `left_index_q1`.
 pub fn nearest<'a>(wanted: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let plain = |name: &str| name.to_lowercase().replace(['-', ' '], "_");
     let wanted = plain(wanted);

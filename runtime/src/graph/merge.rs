@@ -56,7 +56,7 @@ fn remove(below: &mut DeTable<'_>, path: &str, span: &Span, report: &mut Report)
                 None => format!("its keys are {}", list(known())),
             };
             report
-                .error(format!("`{path}` cannot be removed: the files below have no `{step}`"))
+                .error(format!("`{path}` cannot be removed: the extended files have no `{step}`"))
                 .label(span, "nothing to remove")
                 .advise(advice);
             return;

@@ -15,7 +15,7 @@ pub(super) type Value<'i> = Spanned<DeValue<'i>>;
 /// The value at a key of the file.
 #[derive(Debug, Clone)]
 pub(super) struct At<T> {
-    /// The value; `None` if it was invalid, which has been reported.
+    /// The value; `None` if it was invalid. The error has then been reported.
     pub value: Option<T>,
     /// Position of the value in the file.
     pub span: Span,

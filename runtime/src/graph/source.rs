@@ -16,7 +16,8 @@ pub(super) struct Source {
     pub name: String,
     /// Content of the text.
     pub text: String,
-    /// Offset of the text's first byte in the range of positions that all texts of a graph share.
+    /// Position of the text's first byte. The texts of a graph are numbered one after another, so a position
+    /// identifies both the text and the byte.
     pub start: usize,
     /// Folder that relative paths in the text refer to.
     pub folder: PathBuf,

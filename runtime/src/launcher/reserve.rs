@@ -114,7 +114,7 @@ pub(super) fn check(plan: &Plan, hosting: Hosting) -> Result<(), LaunchError> {
         return exhausted(
             "too few processes and threads",
             format!("{} more", need.threads),
-            format!("the limit is {limit} and this user has {has}"),
+            format!("this user has {has}, and the limit is {limit}"),
             format!(
                 "raise it with `ulimit -u {}`, or `TasksMax=` of the service",
                 1024.max(2 * (has + need.threads))

@@ -211,9 +211,9 @@ pub fn wake_first() {
     }
 }
 
-/// Lets the calling thread, at normal priority, wake before other threads of that priority. Requests time
-/// slices as short as the kernel allows (0.1 ms on Linux 6.12 and later; no effect on earlier kernels).
-/// Intended for a thread that sleeps almost all the time.
+/// Lets the calling thread, which must have normal priority, run sooner after it wakes than other threads of
+/// normal priority. Requests time slices as short as the kernel allows (0.1 ms on Linux 6.12 and later; no
+/// effect on earlier kernels). Intended for a thread that sleeps almost all the time.
 pub fn wake_soon() {
     const SHORTEST_TURN_NS: u64 = 100_000;
     // SAFETY: zero is a valid value of the plain struct.

@@ -90,7 +90,7 @@ pub(super) fn unfit_homing(equipped: &Equipped, limits: &[JointLimits]) -> Optio
             } else {
                 let end = homing.end().filter(|end| !(limits.lower..=limits.upper).contains(end))?;
                 format!(
-                    "it ends at {end:.4}, but the joint has {:.4} to {:.4}: write a longer `back_off`",
+                    "it ends at {end:.4}, outside the joint's range of {:.4} to {:.4}: increase `back_off`",
                     limits.lower, limits.upper
                 )
             };

@@ -51,7 +51,7 @@ fn check_keys(drive: &DriveEntry, homing: &HomingEntry) -> Result<(), Refusal> {
     for (key, is_there) in keys {
         if is_there && !is_known(key) {
             let message =
-                format!("`homing.{key}` is not a key of a homing by the {by} of {:?}", drive.protocol);
+                format!("`homing.{key}` is not a key of `by = \"{by}\"` for {:?} drives", drive.protocol);
             return Err((message, "leave it out"));
         }
         if is_known(key) && REQUIRED.contains(&key) && !is_there && can_home {

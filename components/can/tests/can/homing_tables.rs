@@ -54,7 +54,7 @@ fn an_impossible_homing_is_refused() {
         (
             CIA402,
             &format!("{own}, steps = 4"),
-            "`homing.steps` is not a key of a homing by the drive of Cia402",
+            "`homing.steps` is not a key of `by = \"drive\"` for Cia402 drives",
         ),
         (
             "protocol = \"feetech\"",

@@ -33,14 +33,14 @@ pub struct Equation {
 }
 
 impl Equation {
-    /// Creates an equation of `rows` rows on the `width` velocities that start at `first`. Everything is
-    /// zero; all weights are 1.
+    /// Creates an equation of `rows` rows on the `width` velocities that start at `first`. `J` and the right
+    /// side are zero; all weights are 1.
     pub fn dense(rows: usize, first: usize, width: usize) -> Self {
         Self::new(Cost::dense(rows, first, width))
     }
 
-    /// Creates an equation on the `count` velocities that start at `first`. `J` is the identity, everything
-    /// else is zero, and all weights are 1.
+    /// Creates an equation on the `count` velocities that start at `first`. `J` is the identity, the right
+    /// side is zero, and all weights are 1.
     pub fn identity(first: usize, count: usize) -> Self {
         Self::new(Cost::identity(first, count))
     }

@@ -64,8 +64,8 @@ impl ContactWrench {
         (self.force_weight, self.torque_weight) = (force, torque);
     }
 
-    /// Sets the target wrench in world axes: the force \[N\] as linear part, the torque about the origin of
-    /// the contact's frame \[Nm\] as angular part.
+    /// Sets the target wrench in world axes. The linear part is the force \[N\]; the angular part is the
+    /// torque \[N m\] about the origin of the contact's frame.
     pub fn set_target(&mut self, wrench: Twist) {
         self.target = wrench;
     }

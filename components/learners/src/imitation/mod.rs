@@ -143,8 +143,8 @@ impl<E: Engine + Send> Imitation<E> {
         Ok(Self { seed, experts, running, regression, choices, worlds })
     }
 
-    /// Adds recorded observations with the actions of an expert. If added before the first iteration, the
-    /// recordings replace the steps of this iteration.
+    /// Adds recorded observations with the actions of an expert. Recordings that are added before the first
+    /// iteration are used in place of the environment steps that the first iteration would collect.
     ///
     /// # Errors
     ///

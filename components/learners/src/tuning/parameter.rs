@@ -31,7 +31,7 @@ pub enum Scale {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Parameter {
-    /// Configuration keys that are set to the number, at least one.
+    /// Configuration keys that receive the value of the parameter. There is at least one key.
     pub keys: Vec<String>,
     /// Lowest and highest value.
     pub range: [f64; 2],

@@ -137,7 +137,7 @@ impl Poses {
         Self { values, starts: (0..indices.len()).collect(), ..self.clone() }
     }
 
-    /// Returns the poses as data for a space of a model.
+    /// Returns the poses as training data of one observed space of a shared GP-LVM.
     pub fn data(&self) -> SpaceData<'_> {
         SpaceData { name: &self.name, columns: self.columns.clone(), values: &self.values }
     }

@@ -151,9 +151,9 @@ pub fn write_mlp(
     model(graph, metadata)
 }
 
-/// Returns the bytes of an ONNX file with a discrete choice. The output `actions` is the row of `table` that
-/// corresponds to the largest output of a multilayer perceptron; the first row wins a tie. Inputs and layers
-/// are as for [`write_mlp`]; `table` has one row for each output of the last layer.
+/// Returns the bytes of an ONNX file for a policy with discrete actions. A multilayer perceptron scores the
+/// rows of `table`, and the output `actions` is the row with the largest score; the first row wins a tie.
+/// Inputs and layers are as for [`write_mlp`]; `table` has one row for each output of the last layer.
 ///
 /// ```
 /// use motorium_models::{inference::Unary, onnx};

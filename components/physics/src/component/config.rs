@@ -34,8 +34,8 @@ pub struct PhysicsConfig {
     /// `true` if the root link moves freely, `false` if it is fixed to the world. Default: according to the
     /// robot's profile and file. `physics.rapier` supports fixed bases only.
     pub floating: Option<bool>,
-    /// Initial pose of a floating base. Default: the position of the base in the profile's pose; if the
-    /// profile has no such position, the robot stands on the ground.
+    /// Initial pose of a floating base. Default: the base pose that the profile stores with the robot's
+    /// initial pose; if the profile stores none, the robot stands upright on the ground.
     pub base: Option<BaseStart>,
     /// Initial states of several robots, by robot name. Default: `pose`, or the home pose of each robot.
     pub start: BTreeMap<String, RobotStart>,

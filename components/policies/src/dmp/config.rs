@@ -52,7 +52,7 @@ pub struct DmpPolicyConfig {
     /// Points that the movement avoids. Default: none.
     #[serde(default)]
     pub obstacles: Option<ObstaclesConfig>,
-    /// Compliance with the force of the input `wrench`: the movement yields like a mass. Default: not used.
+    /// Compliance: the force of the input `wrench` displaces the movement like a mass. Default: not used.
     #[serde(default)]
     pub yielding: Option<YieldingConfig>,
 }
@@ -210,7 +210,7 @@ pub struct ObstaclesConfig {
     pub reach: f64,
 }
 
-/// Compliance with a force: the movement yields like a mass.
+/// Compliance: a measured force displaces the movement like a mass.
 #[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct YieldingConfig {

@@ -105,7 +105,7 @@ fn choice(field: &str, found: &[String], known: &str) -> String {
     match found {
         [] => format!("no channel has numbers `{field}`; the channels of the file are {known}"),
         found => format!(
-            "{} channels have numbers `{field}` ({}), expected one; choose by `--topic` or the key `topic`",
+            "{} channels have a numeric field `{field}` ({}), expected one such channel; select it with `--topic` or the key `topic`",
             found.len(),
             found.join(", ")
         ),

@@ -29,10 +29,10 @@ use crate::{BaseMode, BasePose, Kinematics, Loaded, Model};
 /// the home pose and the limits in the robot's file. Feet and end effectors are taken from the SRDF in the
 /// folder of the file or, without an SRDF, from the names of the links.
 ///
-/// For a robot with at least two feet, the function searches a standing posture. If it finds one, the profile
-/// has a floating base, and the home pose is this posture. If `base` is [`Fixed`](BaseMode::Fixed), the base
-/// is always fixed. A comment in the text states the reason for the choice. A pair of wheels on one axle
-/// becomes the `[mobile_base]`, which is a comment if the base is fixed.
+/// For a robot with at least two feet, the function searches for a standing posture. If it finds one, the
+/// profile has a floating base, and the home pose is this posture. With [`Fixed`](BaseMode::Fixed), the base
+/// is fixed even if there is a standing posture. A comment in the text states the reason for the choice. A
+/// pair of wheels on one axle becomes the table `[mobile_base]`, commented out if the base is fixed.
 ///
 /// ```
 /// # use std::path::Path;

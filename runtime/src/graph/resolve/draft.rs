@@ -26,7 +26,7 @@ pub(super) struct Draft<'g, 'i> {
     pub(super) program: Option<Program>,
     /// The `config` table of the component.
     pub(super) config: serde_json::Value,
-    /// Declaration of the component; `None` if the query failed, which has been reported.
+    /// Declaration of the component; `None` if the query failed. The error has then been reported.
     pub(super) declaration: Option<Declaration>,
     /// Wall time of the component's declaration, ns.
     pub(super) declare_ns: u64,

@@ -13,7 +13,7 @@ pub(super) struct Robot {
     pub name: String,
     /// Position of the robot's name in the file.
     pub place: Span,
-    /// The robot; `None` if its model cannot be used, which has been reported.
+    /// The robot; `None` if its model cannot be used. The error has then been reported.
     pub reference: Option<RobotReference>,
 }
 

@@ -16,7 +16,7 @@ use crate::units::TimeSpan;
 /// The activation of each component.
 #[derive(Debug)]
 pub(super) struct Timing {
-    /// Activation of each component; `None` if it is invalid, which has been reported.
+    /// Activation of each component; `None` if it is invalid. The error has then been reported.
     pub activation: Vec<Option<Activation>>,
     /// For each component, the component at the head of its trigger chain, which the clock or events release.
     /// A head refers to itself.
@@ -34,7 +34,7 @@ impl Timing {
 
 /// Activation of a component, from its own table.
 enum Start {
-    /// Invalid, which has been reported.
+    /// Invalid; the error has been reported.
     Unknown,
     Periodic {
         period_ns: u64,

@@ -21,7 +21,7 @@ pub(super) struct Wire {
     pub index: Option<usize>,
     /// Direction of the port.
     pub direction: Direction,
-    /// Index of the topic; `None` if its name is invalid, which has been reported.
+    /// Index of the topic; `None` if its name is invalid. The error has then been reported.
     pub topic: Option<usize>,
     /// Position of the topic's name in the file.
     pub span: Span,
@@ -76,7 +76,7 @@ impl Wiring {
         self.wires.iter().filter(move |wire| wire.topic == Some(topic) && wire.direction == direction)
     }
 
-    /// Returns the wire that writes a topic; the first if there are several, which has been reported.
+    /// Returns the wire that writes a topic; the first if there are several, after an error report.
     pub(super) fn writer(&self, topic: usize) -> Option<&Wire> {
         self.of_topic(topic, Direction::Output).next()
     }

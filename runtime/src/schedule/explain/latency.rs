@@ -31,7 +31,10 @@ pub(in crate::schedule) fn latency(analysis: &Analysis<'_>, budget: &LatencyPlan
         (None, false) => {
             let others: Vec<usize> =
                 path.iter().copied().filter(|component| !analysis.tasks.knows(*component)).collect();
-            format!("{} not real-time on one core: no bound", are(&words::names(plan, &others), others.len()))
+            format!(
+                "{} not real-time on one core, so the latency has no bound",
+                are(&words::names(plan, &others), others.len())
+            )
         }
     };
     LatencyBound {

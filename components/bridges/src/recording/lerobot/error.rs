@@ -56,7 +56,7 @@ pub enum DatasetError {
     },
     /// The signals and images were never all available at the same time.
     #[error(
-        "the dataset has no frame, because the signals of the state and the action and the images of all cameras were never available at the same time"
+        "the dataset has no frame: at no time were the signals of the state, the signals of the action and an image of each camera all available"
     )]
     Empty,
 }

@@ -37,8 +37,9 @@ use sockets::Sockets;
 /// Component that simulates a robot's buses and drives.
 ///
 /// Each step advances the buses to the current time and lets each drive receive frames and answer. It then
-/// runs the inner loops on the joint state that physics has just published, and publishes the efforts. On a
-/// bus with an interface of the computer, the drives receive and answer frames on that interface.
+/// runs the inner loops on the joint state that physics has just published, and publishes the efforts. The
+/// drives of a bus that the configuration assigns to an interface of this computer, such as `vcan0`, receive
+/// and answer frames on that interface.
 pub struct DriveSimulation {
     joint_state: Input<JointState>,
     lines: Lines,

@@ -30,9 +30,9 @@ use serde::Deserialize;
 #[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct HomingEntry {
-    /// Method to find the mark: "drive", the drive's own procedure (ODrive, CiA 402; for servos, the offset
-    /// stored in them), or "stop", for which the adapter moves the joint slowly against its mechanical stop
-    /// (MIT family, moteus, and drives commanded by torque).
+    /// How the reference position is found. "drive": the drive runs its own homing procedure (ODrive, CiA
+    /// 402), or a servo applies the offset stored in it. "stop": the adapter moves the joint slowly against its
+    /// mechanical stop (MIT family, moteus, and drives commanded by torque).
     pub by: HomingBy,
     /// Joints with a lower number are homed before those with a higher one; joints with the same number are
     /// homed together. Default 0.

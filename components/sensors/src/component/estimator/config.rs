@@ -36,8 +36,8 @@ pub struct BaseEstimatorConfig {
     /// Minimum duration of a contact before the foot is used, because a foot may slip at touchdown. Default
     /// 10 ms.
     pub contact_delay: TimeSpan,
-    /// `true` if feet with a radius roll on level ground, `false` if feet are treated as points. Default
-    /// true.
+    /// Model of feet that have a radius: `true` for spheres that roll on level ground, `false` for points.
+    /// Default true.
     pub rolling: bool,
     /// Gravitational acceleration (m/s^2). Default: the value in the graph's `[world]`, otherwise standard
     /// gravity.

@@ -63,7 +63,10 @@ fn has_a_use(draft: &Draft<'_, '_>, own: &At<SpinChoice>, schedule: Schedule, re
     let nothing = matches!(own.get(), Some(SpinChoice::Fixed(TimeSpan { ns: 0 })));
     if let Some((place, why, label)) = activate::not_by_the_clock(draft) {
         report
-            .error(format!("component `{}` has no release time to spin for", draft.name))
+            .error(format!(
+                "component `{}` must not spin: it has no period, and so no release time to wait for",
+                draft.name
+            ))
             .label(&own.key, why)
             .and(place, label)
             .advise("leave `spin` out");
