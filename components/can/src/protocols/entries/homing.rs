@@ -31,8 +31,8 @@ use serde::Deserialize;
 #[serde(deny_unknown_fields)]
 pub struct HomingEntry {
     /// How the reference position is found. "drive": the drive runs its own homing procedure (ODrive, CiA
-    /// 402), or a servo applies the offset stored in it. "stop": the adapter moves the joint slowly against its
-    /// mechanical stop (MIT family, moteus, and drives commanded by torque).
+    /// 402), or a servo applies the offset stored in it. "stop": the adapter moves the joint slowly against
+    /// its mechanical stop (MIT family, moteus, and drives commanded by torque).
     pub by: HomingBy,
     /// Joints with a lower number are homed before those with a higher one; joints with the same number are
     /// homed together. Default 0.
