@@ -13,7 +13,7 @@ const EPISODE_STEPS: u64 = 50;
 /// Maximum number of recorded steps.
 const RECORDED: usize = 1 << 18;
 
-/// Returns the kind of the component, for the host program.
+/// Returns the kind of the component, for a host program.
 // Not inlined, as required by `Kind::of`.
 #[inline(never)]
 pub(crate) fn kind() -> Kind {

@@ -24,7 +24,7 @@ const STALE_NS: u64 = 5_000_000;
 /// Maximum number of recorded steps.
 const NOTED: usize = 1 << 16;
 
-/// Returns the kinds of both components, for the host program.
+/// Returns the kinds of both components, for a host program.
 // Not inlined, as required by `Kind::of`.
 #[inline(never)]
 pub(crate) fn kinds() -> [Kind; 2] {

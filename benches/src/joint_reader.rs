@@ -8,7 +8,7 @@ use motorium::worker::Kind;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-/// Returns the kind of the component, for the host program.
+/// Returns the kind of the component, for a host program.
 // Not inlined, as required by `Kind::of`.
 #[inline(never)]
 pub(crate) fn kind() -> Kind {

@@ -18,7 +18,7 @@ const CAPACITY: usize = 64;
 /// longest.
 const LONGEST: usize = 8;
 
-/// Returns the kinds of both components, for the host program.
+/// Returns the kinds of both components, for a host program.
 // Not inlined, as required by `Kind::of`.
 #[inline(never)]
 pub(crate) fn kinds() -> [Kind; 2] {

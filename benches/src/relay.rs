@@ -25,7 +25,7 @@ fn default_bytes() -> usize {
     512
 }
 
-/// Returns the kind of the component, for the host program.
+/// Returns the kind of the component, for a host program.
 // Not inlined, as required by `Kind::of`.
 #[inline(never)]
 pub(crate) fn kind() -> Kind {

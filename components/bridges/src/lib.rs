@@ -13,7 +13,7 @@ use motorium::worker::Kind;
 
 pub use iceoryx2::{Feed, Iceoryx2Bridge, Iceoryx2BridgeConfig, InboundConfig, ServiceError};
 
-/// Returns the component kinds of this crate, for a host program.
+/// Returns the component kinds of this crate, which a host program registers.
 ///
 /// ```
 /// let names: Vec<_> = motorium_bridges::kinds().iter().map(|kind| kind.name).collect();

@@ -8,7 +8,7 @@ use motorium::worker::Kind;
 pub use console::{ConsoleLog, ConsoleLogConfig};
 pub use udp::{LocalUsers, UdpSensor, UdpSensorConfig};
 
-/// Returns the component kinds of this crate, for registration in a host program.
+/// Returns the component kinds of this crate, which a host program registers.
 ///
 /// ```
 /// let names: Vec<_> = motorium_interfaces::kinds().iter().map(|kind| kind.name).collect();

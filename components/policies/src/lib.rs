@@ -63,7 +63,7 @@ pub use promp::ProMpPolicy;
 pub use trajectory::{HomePolicy, TrajectoryPolicy};
 pub use waypoints::WaypointsPolicy;
 
-/// Returns the component kinds of this crate, to be registered by a host program.
+/// Returns the component kinds of this crate, which a host program registers.
 ///
 /// ```
 /// let names: Vec<_> = motorium_policies::kinds().iter().map(|kind| kind.name).collect();

@@ -134,7 +134,7 @@ fn pose(pose: motorium::declare::BasePose) -> motorium_robots::BasePose {
     motorium_robots::BasePose { position: pose.position, rpy: pose.rpy }
 }
 
-/// Returns the component kinds of this crate, for registration in a host program.
+/// Returns the component kinds of this crate, which a host program registers.
 ///
 /// ```
 /// let names: Vec<_> = motorium_can::kinds().iter().map(|kind| kind.name).collect();

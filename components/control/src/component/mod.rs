@@ -18,7 +18,7 @@ pub use dynamics_config::{ContactConfig, InfeasiblePolicy, InverseDynamicsConfig
 
 use motorium::worker::Kind;
 
-/// Returns the component kinds of this crate, to be registered by a host program.
+/// Returns the component kinds of this crate, which a host program registers.
 ///
 /// ```
 /// let names: Vec<_> = motorium_control::kinds().iter().map(|kind| kind.name).collect();

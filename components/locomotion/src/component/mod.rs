@@ -15,7 +15,7 @@ pub use crate::wheels::{StartConfig, WheelsConfig};
 
 use motorium::worker::Kind;
 
-/// Returns the component kinds of this crate, to be registered by a host program.
+/// Returns the component kinds of this crate, which a host program registers.
 ///
 /// ```
 /// let names: Vec<_> = motorium_locomotion::kinds().iter().map(|kind| kind.name).collect();

@@ -38,7 +38,7 @@ pub enum PosesError {
     Cell {
         /// Path of the file.
         path: String,
-        /// Line, from 1.
+        /// Line, counted from 1.
         line: usize,
         /// Column of the table, from 1.
         column: usize,

@@ -6,7 +6,7 @@ pub enum PolicyError {
     /// The file is not valid TOML of the expected form.
     #[error("line {line}, column {column}: {message}")]
     Parse {
-        /// Line, from 1.
+        /// Line, counted from 1.
         line: usize,
         /// Column, from 1.
         column: usize,
