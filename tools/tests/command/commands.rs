@@ -311,6 +311,9 @@ fn json_error_names_its_place_values_and_advice() {
     assert_eq!((&found["line"], &found["column"]), (&3.into(), &2.into()), "{found}");
     assert!(found["found"].as_str().is_some_and(|text| text.contains("one")), "{found}");
     assert!(found["expected"].as_str().is_some_and(|text| text.contains("number")), "{found}");
+    let timed = path("timed.csv", "time_s,x\n0.0,1\n0.1,2\n0.2,3\n");
+    let found = error(&["primitive", "fit", &timed, "--cutoff", "0"]);
+    assert_eq!(found["found"], "0", "{found}");
     let found = error(&["robot", "show", "pandda"]);
     assert_eq!((&found["found"], &found["help"]), (&"pandda".into(), &"did you mean `panda`?".into()));
     let found = error(&["run", "--clokc", "lockstep"]);
