@@ -125,8 +125,8 @@ pub(crate) fn check_folder(path: &Path) -> anyhow::Result<()> {
 }
 
 /// Refuses to replace an existing file without `--overwrite`. Devices and pipes, such as `/dev/stdout`, keep
-/// no content and are accepted. Also refuses a folder, a file in the place of a folder of the path, and a file
-/// that this user cannot write.
+/// no content and are accepted. Also refuses a folder, a file in the place of a folder of the path, and a
+/// file that this user cannot write.
 pub(crate) fn refuse_existing(path: &Path, overwrite: bool) -> anyhow::Result<()> {
     anyhow::ensure!(!path.is_dir(), "{} is a folder, expected the name of a file", path.display());
     path.parent().map_or(Ok(()), check_folder)?;

@@ -93,8 +93,8 @@ impl Default for World {
 
 impl World {
     /// Resolves relative file paths from a folder, and adds the world of its [`file`](Self::file). Returns
-    /// warnings about skipped elements, and about values that are probably in another unit, such as degrees or
-    /// millimetres.
+    /// warnings about skipped elements, and about values that are probably in another unit, such as degrees
+    /// or millimetres.
     ///
     /// ```
     /// # use motorium_worlds::World;

@@ -91,7 +91,7 @@ impl Play {
         .run()
     }
 
-    /// Removes the columns of joints that follow others (mimic joints), after a comparison with their leaders.
+    /// Removes the columns of mimic joints after comparing them with the columns of their leaders.
     fn without_followers(&self, recording: Recording, model: &Model) -> anyhow::Result<Recording> {
         let follower = |name: &String| {
             let mut joints = model.bodies().iter().map(|body| &body.joint);

@@ -138,7 +138,7 @@ fn bad_recordings_give_the_same_error_in_every_command() {
 }
 
 #[test]
-fn numbers_without_a_meaning_are_refused_by_library_and_primitive() {
+fn options_without_a_meaning_are_refused() {
     for (arguments, words) in [
         (&["library", "build", "a.jsonl", "--output", "b", "--rank", "0"][..], "0 is not in 1.."),
         (&["library", "build", "a.jsonl", "--output", "b", "--error", "5"], "expected a number from 0 to 1"),

@@ -38,8 +38,8 @@ pub trait RaysConfig: SensorConfig {
     fn warn(&self, _: &mut Declare) {}
 }
 
-/// Warns of distances of a sensor, up to `most` \[m\], that are probably in millimetres. `errors` is the key of
-/// its error model, and the model.
+/// Warns of distances of a sensor above `most` \[m\], which are probably in millimetres. `errors` is the key
+/// of its error model, and the model.
 fn warn_of_lengths(most: f64, distances: &[(&str, f64)], errors: (&str, &ErrorModel), declare: &mut Declare) {
     /// Largest plausible error of a distance \[m\].
     const LARGEST_ERROR: f64 = 1.0;
