@@ -471,8 +471,7 @@ fn mistake_in_a_world_is_reported_once() {
     for (name, text) in [("a.xml", mjcf), ("b.sdf", sdf)] {
         let path = file(folder.path(), name, text);
         let errors = graph(&format!("[world]\nfile = \"{path}\""));
-        assert_eq!(errors.matches("error").count(), 1, "{errors}");
-        assert_eq!(errors.matches(&format!("{name}:2:1")).count(), 1, "{errors}");
+        assert_eq!(errors.matches(&format!("{name}:2:1: ")).count(), 1, "{errors}");
     }
     for (world, found) in [
         ("[world]\ngravity = [0.0, 0.0, -9810.0]\n", "`gravity` is -9810"),

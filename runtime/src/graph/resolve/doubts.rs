@@ -98,7 +98,8 @@ fn of_world(
     };
     let is_unknown = message.starts_with(UNKNOWN_KEY);
     let subject = if inside.is_empty() || is_unknown { "`world`" } else { &format!("`{key}`") };
-    let found = report.error(format!("{subject}: {}", reworded(message)));
+    let text = message.strip_prefix("world: ").unwrap_or(message);
+    let found = report.error(format!("{subject}: {}", reworded(text)));
     // most errors without a key are in the file
     let place = find(config, if inside.is_empty() { "world.file" } else { key });
     let place = place.filter(|place| place.value != world.value).map(|place| match is_unknown {
