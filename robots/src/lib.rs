@@ -103,7 +103,7 @@ pub use loading::load::{LoadError, Loaded, load, load_with};
 pub use loading::postures::Posture;
 pub use loading::setting_error::SettingError;
 pub use loading::source::{RobotSource, RobotSourceError};
-pub use math::degrees::suspected_degrees;
+pub use math::degrees::{degrees_doubt, suspected_degrees};
 pub use math::twist::{Reference, Twist};
 pub use math::{M3, V3, lie};
 pub use mesh::{MeshError, MeshProblem, TriangleMesh, VolumeProperties};

@@ -24,6 +24,7 @@ mod runs;
 mod screen;
 mod style;
 mod trace;
+mod values;
 mod wrap;
 
 use std::process::ExitCode;

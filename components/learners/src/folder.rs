@@ -46,6 +46,16 @@ pub enum FolderError {
         /// `true` if the run can be continued.
         has_checkpoint: bool,
     },
+    /// The folder contains a file that a training run would replace, but no run.
+    #[error(
+        "{} exists, but its folder contains no training run\n\
+         help: choose another folder",
+        file.display()
+    )]
+    Occupied {
+        /// Path of the file.
+        file: PathBuf,
+    },
     /// The folder of a training run or policy does not exist, or lacks the file of a run or policy.
     #[error(
         "{}: {}, expected the folder of a {what} with the file {file}\n\
@@ -108,13 +118,18 @@ fn check_file(
     }
 }
 
-/// Checks that a folder holds no run.
-pub(crate) fn check_empty(folder: &Path) -> Result<(), FolderError> {
+/// Checks that a folder holds no run, and no file that a run on the task in `task` would replace.
+pub(crate) fn check_empty(folder: &Path, task: &Path) -> Result<(), FolderError> {
     if folder.join(RUN).exists() {
         let has_checkpoint = folder.join(CHECKPOINT).exists();
         return Err(FolderError::Exists { folder: folder.to_path_buf(), has_checkpoint });
     }
-    Ok(())
+    let is_task = |file: &PathBuf| file.canonicalize().ok() == task.canonicalize().ok();
+    let mut files = [TASK, POLICY, NETWORK, CHECKPOINT, PROGRESS].map(|name| folder.join(name)).into_iter();
+    match files.find(|file| file.exists() && !is_task(file)) {
+        Some(file) => Err(FolderError::Occupied { file }),
+        None => Ok(()),
+    }
 }
 
 /// Returns the folder to which a task's robot is relative: the folder of the task file. For the copy in a run

@@ -1,7 +1,7 @@
 //! Loading of a component's robot.
 
 use motorium::declare::{ConfigError, Declare, RobotReference, StepError};
-use motorium_robots::{BasePose, EndEffectorError, FrameId, Loaded, ModelWarning, RobotSource};
+use motorium_robots::{BasePose, EndEffectorError, FrameId, Loaded, RobotSource, degrees_doubt};
 
 /// Returns the robot of a component that moves its joints or wheels (`parts`).
 pub(crate) fn required<'a>(
@@ -16,9 +16,8 @@ pub(crate) fn required<'a>(
 
 /// Warns of angles \[rad\] of the setting `key` that were probably written in degrees.
 pub(crate) fn warn_of_angles(key: &str, angles: &[f64], declare: &mut Declare) {
-    let doubt = ModelWarning::of_angles(&format!("`{key}`"), angles, "angles are in radians", None);
-    if let Some(doubt) = doubt {
-        declare.warn(doubt.to_string()).key(key);
+    if let Some(doubt) = degrees_doubt(angles) {
+        declare.warn(doubt).key(key);
     }
 }
 

@@ -5,6 +5,7 @@ mod config;
 pub mod blob;
 pub mod contact;
 mod delivery;
+mod doubts;
 mod draws;
 pub mod estimator;
 pub mod force_torque;

@@ -93,8 +93,8 @@ impl Default for World {
 
 impl World {
     /// Resolves relative file paths from a folder, and adds the content of [`file`](Self::file) to this
-    /// world. Returns warnings about skipped elements, and about values that are probably in degrees or
-    /// millimetres.
+    /// world. Returns warnings about skipped elements, and about values that are probably in another unit,
+    /// such as degrees or millimetres.
     ///
     /// ```
     /// # use motorium_worlds::World;
@@ -122,6 +122,7 @@ impl World {
             warnings.extend(self.add_file(&folder.join(file))?);
         }
         self.warn_of_sizes(&mut warnings);
+        self.warn_of_units(&mut warnings);
         Ok(warnings)
     }
 

@@ -18,6 +18,7 @@ pub(crate) use admission::{describe as describe_admission, problems};
 
 use super::loading::GraphArgs;
 use crate::out::{err, errln, out, outln};
+use crate::output::{refuse_existing, write_file};
 use crate::{exit, overheads, registry, style};
 
 /// Longest part of a hyperperiod drawn by default.
@@ -42,6 +43,9 @@ pub(crate) struct Check {
     /// File to write the timeline to [default: standard output]
     #[arg(long, short, requires = "timeline")]
     output: Option<PathBuf>,
+    /// Replace the file if it exists
+    #[arg(long, requires = "output")]
+    overwrite: bool,
     /// Print the checked plan with its response times and latencies, or the errors, as JSON; with --timeline
     /// or --span, also the timeline
     #[arg(long)]
@@ -58,6 +62,7 @@ enum Format {
 
 impl Check {
     pub(crate) fn run(self) -> anyhow::Result<ExitCode> {
+        self.output.iter().try_for_each(|output| refuse_existing(output, self.overwrite))?;
         let registry = registry::registry();
         let loaded = match self.json {
             true => self.graph.load_silently(&registry),
@@ -99,8 +104,7 @@ impl Check {
     fn write(&self, plan: &Plan, drawn: Option<&Timeline>) -> anyhow::Result<bool> {
         let (Some(format), Some(path)) = (self.timeline, &self.output) else { return Ok(false) };
         let drawn = drawn.context("a graph in lockstep has no timeline: nothing in it has a deadline")?;
-        std::fs::write(path, self::draw(format, plan, drawn))
-            .with_context(|| format!("writing {}", path.display()))?;
+        write_file(path, self::draw(format, plan, drawn))?;
         Ok(true)
     }
 

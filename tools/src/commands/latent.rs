@@ -13,6 +13,7 @@ use motorium_pictures::chart::{Chart, Series};
 use serde_json::{Value, json};
 
 use crate::out::outln;
+use crate::output::{Overwrite, check_format, make_folder, write_file};
 
 /// Latent spaces that a human and robots share: train one, show it, add robots, measure errors,
 /// and find a robot's poses for a human's.
@@ -122,6 +123,8 @@ struct Train {
     /// Plot the objective, SVG
     #[arg(long, value_name = "FILE")]
     plot: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: Overwrite,
     /// Print as JSON
     #[arg(long)]
     json: bool,
@@ -151,6 +154,11 @@ fn objective_chart(values: Vec<(String, f64)>) -> Chart {
 
 impl Train {
     fn run(self) -> anyhow::Result<ExitCode> {
+        let files = |name: &str| self.data.join(format!("{name}.csv"));
+        let inputs: Vec<PathBuf> =
+            std::iter::once("human").chain(self.robot.iter().map(String::as_str)).map(files).collect();
+        self.overwrite.check(&inputs, [&self.output].into_iter().chain(&self.plot))?;
+        self.plot.iter().try_for_each(|plot| check_format(plot, &["svg"]))?;
         let mut spaces = vec![poses(&self.data, "human")?];
         for robot in &self.robot {
             spaces.push(poses(&self.data, robot)?);
@@ -178,13 +186,10 @@ impl Train {
         let seconds = start.elapsed().as_secs_f64();
         bar.finish_and_clear();
         if let Some(plot) = &self.plot {
-            std::fs::write(plot, objective_chart(values).svg())
-                .with_context(|| plot.display().to_string())?;
+            write_file(plot, objective_chart(values).svg())?;
         }
         model.set_source(&std::path::absolute(&self.data)?.to_string_lossy());
-        if let Some(folder) = self.output.parent().filter(|folder| !folder.as_os_str().is_empty()) {
-            std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
-        }
+        make_folder(&self.output)?;
         model.save(&self.output)?;
         let mut summary = summary(&model, &self.output);
         summary["objective"] = json!({ "start": trained.start, "end": trained.minimum.value });
@@ -231,6 +236,8 @@ struct Transfer {
     /// Write here instead of to the model's file
     #[arg(long, short, value_name = "FILE")]
     output: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: Overwrite,
     /// Print as JSON
     #[arg(long)]
     json: bool,
@@ -238,6 +245,8 @@ struct Transfer {
 
 impl Transfer {
     fn run(self) -> anyhow::Result<ExitCode> {
+        // without an output, the robot is added to the model's own file
+        self.overwrite.check(&[], &self.output)?;
         let mut model = load(&self.file)?;
         let folder = self.data.or_else(|| model.source().map(PathBuf::from)).with_context(|| {
             format!(
@@ -250,6 +259,7 @@ impl Transfer {
         let transferred = model.transfer(&robot.data(), self.iterations)?;
         let seconds = start.elapsed().as_secs_f64();
         let output = self.output.as_ref().unwrap_or(&self.file);
+        make_folder(output)?;
         model.save(output)?;
         let mut summary = summary(&model, output);
         summary["objective"] = json!({ "starts": transferred.starts, "end": transferred.minimum.value });
@@ -321,7 +331,7 @@ fn summary(model: &LatentModel, path: &Path) -> Value {
         })
         .collect();
     json!({
-        "file": path,
+        "file": path.display().to_string(),
         "latents": model.latents(),
         "poses": model.poses(),
         "back_constraint": model.back_constrained().map(|space| &space.name),

@@ -7,7 +7,7 @@ use std::process::ExitCode;
 use anyhow::{bail, ensure};
 use motorium::nearest::list;
 use motorium_recordings::Recording;
-use motorium_robots::{JointKind, LoadOptions, Loaded, Model, PackagePath, load_with};
+use motorium_robots::{Coordinate, JointKind, LoadOptions, Loaded, Model, PackagePath, load_with};
 
 use super::recording::Temporary;
 use super::run::{Clock, Generated, Run};
@@ -15,14 +15,16 @@ use super::samples::SampleArgs;
 use crate::out::errln;
 use crate::style;
 
+/// Largest difference of a follower from its leader's position that is not reported \[rad or m\].
+const FOLLOWER_TOLERANCE: f64 = 1e-3;
 /// Time for which the run continues after the end of the movement, s.
 const REST: f64 = 0.5;
 
 /// Move a simulated robot exactly along a recorded movement of its joints.
 ///
 /// Reads CSV, JSON lines and MCAP files of motorium and other programs (JSON, ROS 2 CDR, protobuf). Columns
-/// are assigned to joints by name; joints without a column hold their home position. Positions are in rad or
-/// m.
+/// are assigned to joints by name; joints without a column hold their home position. Columns of mimic joints
+/// are compared with their leaders'. Positions are in rad or m.
 ///
 /// Example: motorium play demo.csv --robot panda --record out/demo.mcap
 #[derive(Debug, clap::Args)]
@@ -72,6 +74,7 @@ impl Play {
             "robot `{}` has a floating base, which joint positions do not move; expected a robot on a fixed base",
             self.robot
         );
+        let recording = self.without_followers(recording, model)?;
         let joints = self.joints(&recording, model)?;
         let start = self.start(&recording, &joints, &loaded)?;
         self.check_limits(&recording, &joints, model)?;
@@ -86,6 +89,58 @@ impl Play {
             json: self.json,
         })
         .run()
+    }
+
+    /// Removes the columns of mimic joints after comparing them with the columns of their leaders.
+    fn without_followers(&self, recording: Recording, model: &Model) -> anyhow::Result<Recording> {
+        let follower = |name: &String| {
+            let mut joints = model.bodies().iter().map(|body| &body.joint);
+            joints.find(|joint| joint.name == *name && matches!(joint.coordinate, Coordinate::Mimic { .. }))
+        };
+        let (names, times, values) = (recording.names(), recording.times(), recording.values());
+        let mut kept = Vec::new();
+        for (column, name) in names.iter().enumerate() {
+            let Some(joint) = follower(name) else {
+                kept.push(column);
+                continue;
+            };
+            let leader = &model.joint_names()[joint.coordinate.index()];
+            let warn = |found: String| {
+                errln!(
+                    "{} {}: {found}; its column is ignored",
+                    style::warning("warning:"),
+                    self.file.display()
+                );
+            };
+            let Some(of_leader) = names.iter().position(|other| other == leader) else {
+                warn(format!("`{name}` follows `{leader}`, which has no column"));
+                continue;
+            };
+            let expected = |sample: usize| {
+                joint.coordinate.multiplier() * values[(sample, of_leader)] + joint.coordinate.offset()
+            };
+            let difference = |sample: usize| (values[(sample, column)] - expected(sample)).abs();
+            let farthest = (0..times.len()).max_by(|a, b| difference(*a).total_cmp(&difference(*b)));
+            if let Some(sample) = farthest.filter(|sample| difference(*sample) > FOLLOWER_TOLERANCE) {
+                warn(format!(
+                    "`{name}` follows `{leader}`, but is at {} at {:.3} s, expected {:.4}, a difference of {:.4}",
+                    values[(sample, column)],
+                    times[sample] - times[0],
+                    expected(sample),
+                    difference(sample)
+                ));
+            }
+        }
+        ensure!(
+            !kept.is_empty(),
+            "{}: all columns are of joints that follow others, expected columns of their leaders",
+            self.file.display()
+        );
+        if kept.len() == names.len() {
+            return Ok(recording);
+        }
+        let names = kept.iter().map(|column| names[*column].clone()).collect();
+        Ok(Recording::new(names, times.to_vec(), values.select_columns(&kept))?)
     }
 
     /// Assigns a joint to each column: by name, or in order if no column is named after a joint.
@@ -147,7 +202,9 @@ impl Play {
                     "{}: joint `{name}` is at {value} at {:.3} s, expected {lower} to {upper}{}",
                     self.file.display(),
                     time - times[0],
-                    degrees(recording, joints, model).unwrap_or_default()
+                    millimetres(recording, (column, *joint), model)
+                        .or_else(|| degrees(recording, joints, model))
+                        .unwrap_or_default()
                 );
             }
             let limit = model.velocity_limit()[*joint];
@@ -195,6 +252,16 @@ impl Play {
             length(duration)
         ))
     }
+}
+
+/// Returns advice if the positions of a sliding joint are within its limits in millimetres.
+fn millimetres(recording: &Recording, (column, joint): (usize, usize), model: &Model) -> Option<String> {
+    let limits = model.lower()[joint]..=model.upper()[joint];
+    let slides = model.joint(joint).kind == JointKind::Prismatic;
+    let is_within = |value: &f64| limits.contains(&(1e-3 * value));
+    let are_meant = slides && recording.values().column(column).iter().all(is_within);
+    are_meant
+        .then(|| "; the column seems to be in mm, and positions of joints that slide are in m".to_owned())
 }
 
 /// Returns advice if the positions of all joints that turn are within their limits in degrees, and one of

@@ -7,6 +7,7 @@ use motorium::units::TimeSpan;
 
 use super::loading::GraphArgs;
 use super::run::{Clock, Run, Traced};
+use crate::output::{Overwrite, check_format};
 
 /// Run a graph and write every step, wake-up, publication and hand-over as Chrome trace events.
 ///
@@ -31,14 +32,18 @@ pub(crate) struct Trace {
     /// Print the report of the run as JSON on standard output
     #[arg(long)]
     json: bool,
-    /// The file of the trace; an existing one is replaced
+    /// The file of the trace
     #[arg(long, short, value_name = "FILE.json", default_value = "trace.json")]
     output: PathBuf,
+    #[command(flatten)]
+    overwrite: Overwrite,
 }
 
 impl Trace {
     pub(crate) fn run(self) -> anyhow::Result<ExitCode> {
-        let Self { graph, duration, clock, force, json, output } = self;
+        let Self { graph, duration, clock, force, json, output, overwrite } = self;
+        overwrite.check(&graph.with, [&output])?;
+        check_format(&output, &["json"])?;
         Run::traced(Traced { graph, duration, clock, force, json, output }).run()
     }
 }

@@ -111,6 +111,9 @@ impl View {
                 anyhow::bail!("{wrong}; a recording is played, not run");
             }
         }
+        if let Some(path) = self.graph.as_deref().filter(|path| path.to_str().is_none()) {
+            anyhow::bail!("{}: the path is not UTF-8, expected one of text: rename the file", path.display());
+        }
         let (recording, graph) = if is_recording { (&self.graph, &None) } else { (&None, &self.graph) };
         let run = match &self.graph {
             Some(_) => None,

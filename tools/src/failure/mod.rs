@@ -202,13 +202,15 @@ pub(crate) fn usage(error: &clap::Error) -> ExitCode {
     if is_answer { ExitCode::SUCCESS } else { Failure::of_usage(error).print_json() }
 }
 
-/// Returns an error and its causes in one line. A cause whose text is already in the message is not repeated.
+/// Returns an error and its causes in one line. A cause whose text is already in the message is not repeated,
+/// nor the message if its cause begins with it.
 fn message(error: &anyhow::Error) -> String {
     error.chain().fold(String::new(), |message, cause| {
         let cause = cause.to_string();
         match message.as_str() {
             "" => cause,
             before if before.contains(&cause) => message,
+            before if cause.starts_with(&format!("{before}: ")) => cause,
             _ => format!("{message}: {cause}"),
         }
     })
@@ -239,6 +241,8 @@ mod tests {
         let error =
             anyhow::Error::new(cause()).context(format!("/dev/shm/a: {}", cause())).context("making a run");
         assert_eq!(message(&error), "making a run: /dev/shm/a: No space left on device (os error 28)");
+        let error = anyhow::anyhow!("a/b: it is a folder").context("a/b");
+        assert_eq!(message(&error), "a/b: it is a folder");
     }
 
     #[test]

@@ -106,8 +106,27 @@ impl Origin {
         match error {
             RecordingError::System { path, .. }
             | RecordingError::Format { path }
-            | RecordingError::NoTime { path }
-            | RecordingError::Count { path, .. } => Self::file(Path::new(path)),
+            | RecordingError::NoTime { path } => Self::file(Path::new(path)),
+            RecordingError::Count { path, found, expected } => Self {
+                found: Some(found.to_string()),
+                expected: Some((*expected).to_string()),
+                ..Self::file(Path::new(path))
+            },
+            RecordingError::TooShort { found, expected } => Self {
+                found: Some(found.to_string()),
+                expected: Some(format!("at least {expected}")),
+                ..Self::default()
+            },
+            RecordingError::NotFinite { value, .. } => Self {
+                found: Some(value.to_string()),
+                expected: Some("a finite number".to_string()),
+                ..Self::default()
+            },
+            RecordingError::OutOfRange { value, expected, .. } => Self {
+                found: Some(value.to_string()),
+                expected: Some((*expected).to_string()),
+                ..Self::default()
+            },
             RecordingError::NoChannel { path, name, known } => Self {
                 found: Some(name.clone()),
                 expected: Some(known.clone()),

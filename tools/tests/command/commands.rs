@@ -29,8 +29,17 @@ fn help_has_an_example_and_fits_its_line_limit() {
         let help = command.render_long_help().to_string();
         assert!(help.contains(&format!("Example: motorium {words}")), "{words}: {help}");
         // Two have the options of recordings, forces and sizes, two the options of a graph, a clock and a
-        // recording, one the options of a robot, a pose and a picture, one the options of fits.
-        let long = ["library build", "library evaluate", "run", "replay", "robot draw", "primitive fit"];
+        // recording, one the options of a robot, a pose and a picture, one the options of fits, one the options
+        // of four formats.
+        let long = [
+            "library build",
+            "library evaluate",
+            "run",
+            "replay",
+            "robot draw",
+            "primitive fit",
+            "model import",
+        ];
         let most = if long.contains(&words.as_str()) { 80 } else { 60 };
         assert!(help.lines().count() <= most, "{words}: {} lines", help.lines().count());
     }
@@ -311,6 +320,9 @@ fn json_error_names_its_place_values_and_advice() {
     assert_eq!((&found["line"], &found["column"]), (&3.into(), &2.into()), "{found}");
     assert!(found["found"].as_str().is_some_and(|text| text.contains("one")), "{found}");
     assert!(found["expected"].as_str().is_some_and(|text| text.contains("number")), "{found}");
+    let timed = path("timed.csv", "time_s,x\n0.0,1\n0.1,2\n0.2,3\n");
+    let found = error(&["primitive", "fit", &timed, "--cutoff", "0"]);
+    assert_eq!(found["found"], "0", "{found}");
     let found = error(&["robot", "show", "pandda"]);
     assert_eq!((&found["found"], &found["help"]), (&"pandda".into(), &"did you mean `panda`?".into()));
     let found = error(&["run", "--clokc", "lockstep"]);

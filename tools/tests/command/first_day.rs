@@ -448,6 +448,42 @@ fn a_run_with_json_prints_warnings_on_standard_error() {
 }
 
 #[test]
+fn mistake_in_a_world_is_reported_once() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let graph = |world: &str| {
+        let text = format!(
+            "name = \"seen\"\n[robot.dog]\nurdf = \"quadruped\"\n{world}\n\
+             [component.physics]\nkind = \"physics.articulated\"\nrobot = \"dog\"\nrate = \"1 kHz\"\nbudget = \"500 us\"\n\
+             subscribe = {{ joint_command = \"command\" }}\n\
+             publish = {{ joint_state = \"joints\", base_state = \"base\" }}\n\
+             [component.imu]\nkind = \"sensor.imu\"\nrobot = \"dog\"\nrate = \"500 Hz\"\nbudget = \"50 us\"\n\
+             subscribe = {{ base_state = \"base\" }}\npublish = {{ imu = \"imu\" }}\n\
+             [component.lidar]\nkind = \"sensor.lidar\"\nrobot = \"dog\"\nrate = \"10 Hz\"\nbudget = \"1 ms\"\n\
+             subscribe = {{ base_state = \"base\", joint_state = \"joints\" }}\npublish = {{ ranges = \"ranges\" }}\n"
+        );
+        let (code, errors) = tried(&["check", &file(folder.path(), "seen.toml", &text)]);
+        assert_eq!(code, Some(3), "{errors}");
+        errors
+    };
+    let mjcf = "<mujoco><worldbody>\n<geom type=\"box\" size=\"1 1\"/></worldbody></mujoco>";
+    let sdf = "<sdf version=\"1.9\"><world name=\"w\"><model name=\"m\"><static>true</static><link name=\"l\">\
+               <collision name=\"c\"><geometry><box>\n<size>1 1</size></box></geometry></collision></link></model></world></sdf>";
+    for (name, text) in [("a.xml", mjcf), ("b.sdf", sdf)] {
+        let path = file(folder.path(), name, text);
+        let errors = graph(&format!("[world]\nfile = \"{path}\""));
+        assert_eq!(errors.matches(&format!("{name}:2:1: ")).count(), 1, "{errors}");
+    }
+    for (world, found) in [
+        ("[world]\ngravity = [0.0, 0.0, -9810.0]\n", "`gravity` is -9810"),
+        ("[world.ground]\nfrictoin = 0.5\n", "did you mean `friction`?"),
+        ("[world.ground]\nfriction = -0.5\n", "`friction` is -0.5"),
+    ] {
+        let errors = graph(world);
+        assert_eq!(errors.matches(found).count(), 1, "{errors}");
+    }
+}
+
+#[test]
 fn xacro_file_is_distinguished_from_a_faulty_urdf() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = folder.path().join("arm.urdf.xacro");

@@ -43,7 +43,7 @@ fn robots_are_trained_transferred_and_evaluated() {
 
     let (plot, free) = (file("objective.svg"), file("free.latent"));
     let mut dynamics = vec!["latent", "train", &data, "--output", &free, "--json", "--back", "none"];
-    dynamics.extend(["--prior", "dynamics", "--plot", &plot]);
+    dynamics.extend(["--prior", "dynamics", "--plot", &plot, "--overwrite"]);
     dynamics.extend(options);
     let free = json(&dynamics);
     assert!(free["objective"]["end"].as_f64() < free["objective"]["start"].as_f64(), "{free}");
@@ -93,8 +93,8 @@ fn a_recorded_movement_is_retargeted_to_a_robot() {
     for path in [&output, &human] {
         assert_eq!(std::fs::read_to_string(path).expect("a table").lines().count(), 11);
     }
-    let unknown =
-        run(&["latent", "retarget", &take, "--robot", "panda", "--output", &output, "--limb", "arm=a:b"]);
+    let retarget = ["latent", "retarget", &take, "--robot", "panda", "--overwrite", "--output", &output];
+    let unknown = run(&[&retarget[..], &["--limb", "arm=a:b"]].concat());
     assert!(String::from_utf8_lossy(&unknown.stderr).contains("\"a\""), "{unknown:?}");
 }
 

@@ -187,6 +187,36 @@ fn recorded_joints_are_played_exactly() {
 }
 
 #[test]
+fn follower_columns_are_compared_with_their_leaders() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let played = |table: &str| {
+        let file = folder.path().join("shown.csv");
+        std::fs::write(&file, table).expect("the folder takes files");
+        let output = run(&["play", text(&file), "--robot", "panda"]);
+        let errors = String::from_utf8_lossy(&output.stderr).split_whitespace().collect::<Vec<_>>().join(" ");
+        (output.status.code(), errors)
+    };
+    let table = |second: [f64; 2]| {
+        let [a, b] = second;
+        format!("time_s,panda_joint1,panda_finger_joint1,panda_finger_joint2\n0,0,0.01,{a}\n1,0.1,0.02,{b}\n")
+    };
+    let (code, errors) = played(&table([0.0101, 0.02]));
+    assert!(code == Some(0) && !errors.contains("finger_joint2"), "{errors}");
+    let (code, errors) = played(&table([0.01, 0.035]));
+    assert_eq!(code, Some(0), "{errors}");
+    let difference = "`panda_finger_joint2` follows `panda_finger_joint1`, but is at 0.035 at 1.000 s, expected 0.0200, a \
+                      difference of 0.0150; its column is ignored";
+    assert!(errors.contains(difference), "{errors}");
+    let (code, errors) = played("time_s,panda_joint1,panda_finger_joint2\n0,0,0.01\n1,0.1,0.02\n");
+    assert!(
+        code == Some(0) && errors.contains("follows `panda_finger_joint1`, which has no column"),
+        "{errors}"
+    );
+    let (code, errors) = played("time_s,panda_finger_joint2\n0,0.01\n1,0.02\n");
+    assert!(code == Some(1) && errors.contains("all columns are of joints that follow others"), "{errors}");
+}
+
+#[test]
 fn columns_that_do_not_fit_the_robot_are_named() {
     let folder = tempfile::tempdir().expect("a folder");
     let refused = |table: &str, arguments: &[&str]| {
@@ -211,6 +241,10 @@ fn columns_that_do_not_fit_the_robot_are_named() {
             "moves at 10.000 rad/s or m/s, expected at most 2.175; slow down by `--speed 0.21`",
         ),
         ("time_s,a,b\n0,0,0\n1,0,0\n", "has no joints `a`, `b`"),
+        (
+            "time_s,panda_finger_joint1\n0,20\n1,30\n",
+            "expected 0 to 0.04; the column seems to be in mm, and positions of joints that slide are in m",
+        ),
     ] {
         let error = refused(table, &[]);
         assert!(error.contains(reason), "{error}");
@@ -221,6 +255,8 @@ fn columns_that_do_not_fit_the_robot_are_named() {
     // 300 degrees are out of reach, too
     let error = refused("time_s,panda_joint1\n0,0\n1,90\n2,300\n", &[]);
     assert!(error.contains("is at 90 at 1.000 s") && !error.contains("degrees"), "{error}");
+    let error = refused("time_s,panda_joint1\n0,0\n1,0\n", &["--topic", "joint_states"]);
+    assert!(error.contains("`--topic` selects a channel of an .mcap file"), "{error}");
     let error = refused("time_s,panda_joint1\n0,0\n1,0\n", &["--speed", "0"]);
     assert!(error.contains("expected a number above 0"), "{error}");
 }

@@ -186,7 +186,8 @@ fn kernelised_and_polynomial_primitives_round_trip() {
     let model = file("model.json");
     let fit = |options: &[&str]| {
         let files: Vec<&str> = shown.iter().map(|path| text(path)).collect();
-        json(&[&["primitive", "fit"], &files[..], &["--output", text(&model), "--json"], options].concat())
+        let output = ["--output", text(&model), "--overwrite", "--json"];
+        json(&[&["primitive", "fit"], &files[..], &output, options].concat())
     };
     let report = fit(&["--model", "kernelised"]);
     assert_eq!(report["kind"], "kernelised");

@@ -92,6 +92,15 @@ fn missing_meshes_are_named_and_required() {
     let own = folder.path().to_str().expect("text");
     assert!(complaint(&["robot", "hulls", &file, "--output", own]).contains("is the robot itself"));
     assert_eq!(loaded(&file).bodies()[0].shapes.len(), 0, "the robot is unchanged");
+    let again = complaint(&["robot", "hulls", &file, "--output", out]);
+    assert!(again.contains("swing.urdf exists: name another file"), "{again}");
+    let mesh = PathBuf::from(out).join("meshes/arm_0.obj");
+    std::fs::remove_file(PathBuf::from(out).join("swing.urdf")).expect("it was written");
+    std::fs::write(&mesh, "mine").expect("a file");
+    let again = complaint(&["robot", "hulls", &file, "--output", out]);
+    assert!(again.contains("arm_0.obj exists"), "{again}");
+    assert_eq!(std::fs::read(&mesh).expect("a file"), b"mine");
+    assert!(!PathBuf::from(out).join("swing.urdf").exists(), "nothing is replaced");
     let message = complaint(&["robot", "hulls", "panda", "--output", out]);
     assert!(message.contains("no link of robot `panda` has a mesh"), "{message}");
     assert!(!PathBuf::from(out).join("panda.urdf").exists());

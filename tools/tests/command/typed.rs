@@ -139,3 +139,28 @@ fn bad_recordings_give_the_same_error_in_every_command() {
     let (code, errors) = tried(&["view", &text(&missing)]);
     assert!(code == Some(1) && errors.matches("os error 2").count() == 1, "{errors}");
 }
+
+#[test]
+fn options_without_a_meaning_are_refused() {
+    for (arguments, words) in [
+        (&["library", "build", "a.jsonl", "--output", "b", "--rank", "0"][..], "0 is not in 1.."),
+        (&["library", "build", "a.jsonl", "--output", "b", "--error", "5"], "expected a number from 0 to 1"),
+        (&["library", "build", "a.jsonl", "--output", "b", "--error=-0.1"], "expected a number from 0 to 1"),
+        (&["library", "build", "a.jsonl", "--output", "b", "--rate", "0"], "expected a positive number"),
+        (&["library", "build", "a.jsonl", "--output", "b", "--smooth", "-1"], "expected a number from 0 up"),
+        (&["library", "build", "a.jsonl", "--output", "b", "--window", "1"], "1 is not in 2.."),
+        (&["library", "letters", "--output", "b.jsonl", "--each", "0"], "0 is not in 1.."),
+        (&["library", "generate", "a", "--movement", "a", "--with", "b", "--blend", "30"], "from 0 to 1"),
+        (&["library", "generate", "a", "--weights", "1,nan"], "expected a finite number"),
+        (&["library", "generate", "a", "--movement", "a", "--duration", "0"], "expected a positive number"),
+        (&["library", "evaluate", "a.jsonl", "--hold-out", "1"], "1 is not in 2.."),
+        (&["primitive", "fit", "a.csv", "--kernels", "100000"], "100000 is not in 0..=2000"),
+        (&["primitive", "fit", "a.csv", "--rate", "nan"], "expected a positive number"),
+        (&["robot", "show", ""], "a value is required"),
+        (&["plot", "a.mcap", "a.b", "--from", "5s"], "expected a finite number"),
+        (&["library", "update", "a", "b", "--output", "c", "--capacity", "0"], "0 is not in 1.."),
+    ] {
+        let (code, errors) = tried(arguments);
+        assert!(code == Some(2) && errors.contains(words), "{arguments:?}: {errors}");
+    }
+}

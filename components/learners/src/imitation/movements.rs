@@ -187,6 +187,9 @@ impl Movements {
         }
     }
 
+    /// The files that [`write`](Self::write) writes.
+    pub const FILES: [&'static str; 3] = ["dmp.json", "promp.json", "movement.library"];
+
     /// Writes the models to a folder: `dmp.json` and `promp.json`, which `motorium primitive` reads, and
     /// `movement.library`, which `motorium library` reads.
     ///
@@ -194,9 +197,10 @@ impl Movements {
     ///
     /// [`MovementError`] if a file cannot be written.
     pub fn write(&self, folder: &Path) -> Result<(), MovementError> {
-        self.dmp.write(&folder.join("dmp.json"))?;
-        self.promp.write(&folder.join("promp.json"))?;
-        Ok(crate::files::write(&folder.join("movement.library"), &file::to_bytes(&self.library))?)
+        let [dmp, promp, library] = Self::FILES.map(|name| folder.join(name));
+        self.dmp.write(&dmp)?;
+        self.promp.write(&promp)?;
+        Ok(crate::files::write(&library, &file::to_bytes(&self.library))?)
     }
 }
 

@@ -94,7 +94,7 @@ impl Run {
         (algorithm, steps): (Algorithm, Option<u64>),
     ) -> Result<Self, RunError> {
         let (task, text) = folder::read_task(file)?;
-        folder::check_empty(folder)?;
+        folder::check_empty(folder, file)?;
         let invalid = |source| FolderError::Task { file: file.to_path_buf(), source };
         let mut settings = ImitationSettings::from_table(&task.algorithms).map_err(invalid)?;
         if algorithm == Algorithm::Clone {

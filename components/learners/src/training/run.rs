@@ -142,7 +142,7 @@ impl Run {
         steps: Option<u64>,
     ) -> Result<Self, RunError> {
         let (task, text) = folder::read_task(file)?;
-        folder::check_empty(folder)?;
+        folder::check_empty(folder, file)?;
         let base = folder::described_base(file)?;
         let (learner, scene) = build(algorithm, (&task, file), &base, steps, (seed, threads))?;
         let description = Description { algorithm, seed, steps: learner.total_steps(), base };

@@ -73,6 +73,16 @@ pub enum TuningError<E> {
         /// Path of the folder.
         folder: PathBuf,
     },
+    /// The folder contains a file that a tuning would replace, but no tuning.
+    #[error(
+        "{} exists, but its folder contains no tuning\n\
+         help: choose another folder",
+        file.display()
+    )]
+    Occupied {
+        /// Path of the file.
+        file: PathBuf,
+    },
     /// A parameter is invalid.
     #[error(transparent)]
     Parameter(#[from] ParameterError),
@@ -226,6 +236,10 @@ impl Tuning {
         let search = settings.search()?;
         if Self::exists(folder) {
             return Err(TuningError::Exists { folder: folder.to_path_buf() });
+        }
+        let mut parts = [TABLE, CHECKPOINT, BEST].map(|name| folder.join(name)).into_iter();
+        if let Some(file) = parts.find(|file| file.exists()) {
+            return Err(TuningError::Occupied { file });
         }
         files::create_folder(folder)?;
         let mut header = "evaluation,outcome,reward".to_owned();

@@ -18,7 +18,7 @@ use motorium::component::{Checkpoint, Component, ConfigureError, Episode, Setup,
 use motorium::declare::{ConfigError, Declare, StepError};
 use motorium::state::{BaseState, JointState};
 use motorium::worker::Kind;
-use motorium_robots::ModelWarning;
+use motorium_robots::degrees_doubt;
 use serde_json::json;
 
 use crate::{Articulated, BuildWarning, Mujoco, Rapier, Simulation, Simulator, StepReport};
@@ -97,8 +97,8 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
             declare.warn(doubt);
         }
         let rpy = config.base.map_or([0.0; 3], |base| base.rpy);
-        if let Some(doubt) = ModelWarning::of_angles("`rpy` of `base`", &rpy, "angles are in radians", None) {
-            declare.warn(doubt.to_string()).key("base");
+        if let Some(doubt) = degrees_doubt(&rpy) {
+            declare.warn(doubt).key("base.rpy");
         }
         Pushes::new(&config.pushes, simulation.articulations())?;
         // Links that are always close are part of the robot's design, not a mistake that the user could fix.

@@ -67,9 +67,7 @@ fn probable_degrees_of_goals_are_doubted() {
     let rule = "angles are in radians: if these are degrees, write 3.1416";
     assert_eq!(
         doubts(180.0),
-        [format!(
-            "`policy.config.goals[0].end_effector.rpy`: `goals[0].end_effector.rpy` has an angle of 180 rad; {rule}"
-        )]
+        [format!("`policy.config.goals[0].end_effector.rpy`: an angle of 180 rad; {rule}")]
     );
 
     let config = "{ goals = [{ position = [90.0, 0.0, 0.0] }] }";

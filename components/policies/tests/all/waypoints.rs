@@ -122,5 +122,5 @@ fn probable_degrees_of_a_goal_are_doubted() {
     let policy = policy("{ goals = [{ position = [0.4, 0.0] }, { position = [0.4, 0.4], yaw = 90.0 }] }");
     let warnings = graph("differential-drive", 1.0, policy).check().expect("warnings alone").warnings;
     let text = warnings.iter().map(|warning| warning.message()).collect::<Vec<_>>().join("\n");
-    assert!(text.contains("`goals[1].yaw` has an angle of 90 rad"), "{text}");
+    assert!(text.contains(".config.goals[1].yaw`: an angle of 90 rad"), "{text}");
 }

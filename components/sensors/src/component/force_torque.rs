@@ -10,7 +10,7 @@ use super::config::SensorConfig;
 use super::delivery::Delivery;
 use super::loads::{Axes, TrueLoads};
 use super::readings::refused;
-use super::robot::warn_of_angles;
+use super::robot::{LARGEST_MOUNT, warn_of_angles};
 use crate::channel::{Channel, ErrorModel, SettingError};
 use crate::randomise::{SensorDraw, SensorRanges};
 
@@ -133,6 +133,7 @@ impl Component for ForceTorque {
         let model = TrueLoads::declare(config.gravity, declare)?;
         let (link, _) = config.locate(&model)?;
         warn_of_angles("rpy", &config.rpy, declare);
+        LARGEST_MOUNT.warn("position", &config.position, declare);
         if carried(&model, link) == 0.0 {
             declare
                 .warn(format!(

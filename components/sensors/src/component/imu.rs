@@ -6,6 +6,7 @@ use nalgebra::Vector3;
 
 use super::config::SensorConfig;
 use super::delivery::Delivery;
+use super::doubts::{Plausible, check_gravity, rounded};
 use super::loads::Drawn;
 use super::readings::refused;
 use super::robot::{Mount, Needs, TrueMotion};
@@ -37,12 +38,31 @@ sensor_config! {
     gravity: [f64; 3] = [0.0, 0.0, -9.81];
 }
 
+/// Highest plausible angular velocity of a gyroscope's range \[rad/s\].
+const FASTEST: f64 = 100.0;
+/// Largest plausible error of a gyroscope \[rad/s\].
+const LARGEST_RATE_ERROR: f64 = 1.0;
+/// Smallest plausible range of an accelerometer \[m/s2\], slightly below twice standard gravity.
+const SMALLEST_RANGE: f64 = 19.0;
+
 impl ImuConfig {
+    /// Warns of values that are probably in degrees or in multiples of standard gravity.
+    fn warn(&self, declare: &mut Declare) {
+        let Self { gyroscope, accelerometer, orientation_noise, .. } = self;
+        Plausible::rate(FASTEST).warn("gyroscope.range", gyroscope.range.as_slice(), declare);
+        Plausible::rate(LARGEST_RATE_ERROR).warn_of_errors("gyroscope", gyroscope, declare);
+        Plausible::angle(1.0).warn("orientation_noise", &[*orientation_noise], declare);
+        if let Some(range) = accelerometer.range.filter(|range| *range < SMALLEST_RANGE) {
+            declare
+                .warn(format!("{range} m/s2, expected at least {SMALLEST_RANGE} m/s2"))
+                .key("accelerometer.range")
+                .advise(format!("if it is in multiples of gravity, write {}", rounded(9.81 * range)));
+        }
+    }
+
     fn models(&self, seed: u64, draw: &SensorDraw) -> Result<(ImuModel, Channel), ConfigError> {
         let seed = self.seed.unwrap_or(seed);
-        if !self.gravity.iter().all(|number| number.is_finite()) {
-            return Err(ConfigError::key("gravity", "expected finite numbers"));
-        }
+        check_gravity(self.gravity)?;
         let (gyroscope, accelerometer) = (draw.errors(&self.gyroscope), draw.errors(&self.accelerometer));
         let imu = ImuModel::new(&gyroscope, &accelerometer, Vector3::from(self.gravity), seed);
         let attitude = draw.errors(&ErrorModel { noise: self.orientation_noise, ..ErrorModel::default() });
@@ -81,6 +101,7 @@ impl Component for Imu {
         config.models(0, &common.declare_draws(declare)?)?;
         common.declare_readings(WIDTH, declare)?;
         TrueMotion::declare(&config.mount, Needs::Place, declare)?;
+        config.warn(declare);
         Drawn::declare(declare);
         declare.output::<ImuSample>("imu", "specific force and angular velocity in the axes of the sensor");
         Ok(())

@@ -5,6 +5,7 @@ use motorium::state::{ContactImpulses, Contacts, Randomisation};
 use motorium_robots::{FrameId, Kinematics, Model};
 use nalgebra::{Isometry3, Point3, Vector3};
 
+use super::doubts::check_gravity;
 use super::robot::{Mount, Needs, TrueMotion, name};
 use crate::encoder::StateTimes;
 use crate::loads::{Loads, OutsideForce, OutsideWrench, WorldWrench};
@@ -139,9 +140,7 @@ pub(super) struct TrueLoads {
 impl TrueLoads {
     /// Declares the inputs and returns the model of the robot.
     pub(super) fn declare(gravity: [f64; 3], declare: &mut Declare) -> Result<Model, ConfigError> {
-        if !gravity.iter().all(|number| number.is_finite()) {
-            return Err(ConfigError::key("gravity", "expected finite numbers"));
-        }
+        check_gravity(gravity)?;
         let model = TrueMotion::declare(&Mount::default(), Needs::AllLinks, declare)?;
         declare.optional_input::<Contacts>("contacts", "true contact points on the robot");
         MeanContacts::declare(declare);

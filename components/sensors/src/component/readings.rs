@@ -113,5 +113,6 @@ fn frames(timing: &Timing, width: usize, period: Duration) -> Result<u64, Config
 
 /// Converts the error of a setting to an error at its key.
 pub(super) fn refused(error: SettingError) -> ConfigError {
-    ConfigError::key(error.setting.clone(), error.to_string())
+    let SettingError { setting, value, expected } = error;
+    ConfigError::key(setting, format!("{value}, expected {expected}"))
 }

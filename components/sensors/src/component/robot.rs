@@ -2,12 +2,13 @@
 
 use motorium::prelude::*;
 use motorium_robots::{
-    BaseMode, BasePose, FrameId, Kinematics, LoadOptions, Loaded, Model, ModelWarning, RobotSource,
+    BaseMode, BasePose, FrameId, Kinematics, LoadOptions, Loaded, Model, RobotSource, degrees_doubt,
 };
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::doubts::Plausible;
 use crate::encoder::StateTimes;
 
 /// Returns the robot that the component names.
@@ -41,11 +42,13 @@ pub(super) fn load(robot: &RobotReference, base: BaseMode) -> Result<Loaded, Con
 
 /// Warns of angles \[rad\] of the setting `key` that were probably written in degrees.
 pub(super) fn warn_of_angles(key: &str, angles: &[f64], declare: &mut Declare) {
-    let doubt = ModelWarning::of_angles(&format!("`{key}`"), angles, "angles are in radians", None);
-    if let Some(doubt) = doubt {
-        declare.warn(doubt.to_string()).key(key);
+    if let Some(doubt) = degrees_doubt(angles) {
+        declare.warn(doubt).key(key);
     }
 }
+
+/// Plausible distances of a sensor from the origin of its link.
+pub(super) const LARGEST_MOUNT: Plausible = Plausible::length(20.0);
 
 /// Name of the frame that never moves.
 const WORLD: &str = "world";
@@ -150,8 +153,11 @@ impl TrueMotion {
         let moved = by_joints(&model, frame, needs);
         let with_base = by_base(&model, frame, needs);
         mount.pose()?;
-        let key = if needs == Needs::Measured { "camera.rpy" } else { "mount.rpy" };
-        warn_of_angles(key, &mount.rpy, declare);
+        let table = if needs == Needs::Measured { "camera" } else { "mount" };
+        warn_of_angles(&format!("{table}.rpy"), &mount.rpy, declare);
+        if frame.is_some() {
+            LARGEST_MOUNT.warn(&format!("{table}.position"), &mount.position, declare);
+        }
         if !with_base && !moved && needs == Needs::Place {
             return Err(ConfigError::key(
                 "mount.frame",

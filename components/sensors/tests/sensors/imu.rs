@@ -103,6 +103,29 @@ fn at_rest_reads_gravity_in_mount_axes_with_latency() {
 }
 
 #[test]
+fn ranges_of_data_sheets_in_other_units_are_doubted() {
+    let doubts = |config: &str| {
+        let warnings = graph(config).0.check().expect("warnings alone").warnings;
+        let of_config = warnings.iter().filter(|warning| warning.message().starts_with("`imu.config"));
+        let text =
+            of_config.map(|warning| format!("{}; {}", warning.message(), warning.advice().unwrap_or("")));
+        text.collect::<Vec<_>>()
+    };
+    let usual = "gyroscope = { noise = 3e-3, range = 35.0 }, accelerometer = { range = 19.62 }";
+    assert_eq!(doubts(usual), Vec::<String>::new());
+    assert_eq!(
+        doubts("gyroscope = { bias = 5.0, range = 2000.0 }, accelerometer = { range = 16.0 }"),
+        [
+            "`imu.config.gyroscope.range`: 2000 rad/s, expected at most 100 rad/s; if it is in degrees/s, write 34.91",
+            "`imu.config.gyroscope.bias`: 5 rad/s, expected at most 1 rad/s; if it is in degrees/s, write 0.08727",
+            "`imu.config.accelerometer.range`: 16 m/s2, expected at least 19 m/s2; if it is in multiples of gravity, write 157"
+        ]
+    );
+    let error = graph("gravity = [0.0, 0.0, -9810.0]").0.check().expect_err("it is refused").render(false);
+    assert!(error.contains("`imu.config.gravity`: -9810, expected from -1000 to 1000 m/s2"), "{error}");
+}
+
+#[test]
 fn probable_degrees_of_a_mount_are_doubted() {
     let doubts = |config: &str| {
         let warnings = graph(config).0.check().expect("warnings alone").warnings;
@@ -113,7 +136,7 @@ fn probable_degrees_of_a_mount_are_doubted() {
     let rule = "angles are in radians: if these are degrees, write 1.5708";
     assert_eq!(
         doubts("mount = { rpy = [0.0, 90.0, 0.0] }"),
-        [format!("`imu.config.mount.rpy`: `mount.rpy` has an angle of 90 rad; {rule}")]
+        [format!("`imu.config.mount.rpy`: an angle of 90 rad; {rule}")]
     );
 }
 

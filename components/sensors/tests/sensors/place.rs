@@ -85,6 +85,56 @@ fn fix_matches_the_tangent_plane_with_stated_errors() {
     }
 }
 
+/// Returns the warnings about a configuration, with their advice.
+fn doubts<C: Component>(port: &str, config: &str) -> Vec<String> {
+    let config: toml::Table = format!("config = {{ {config} }}").parse().unwrap();
+    let sensor = Instance::of::<C>("sensor")
+        .rate("100 Hz")
+        .robot("dog")
+        .subscribe("base_state", "base")
+        .publish(port, "reading")
+        .set("config", config["config"].clone());
+    let graph = Graph::new("place").robot("dog", "quadruped").with(truth()).with(sensor);
+    let warnings = graph.check().expect("warnings alone").warnings;
+    let text = |warning: &motorium::graph::Diagnostic| {
+        format!("{}; {}", warning.message(), warning.advice().unwrap_or_default())
+    };
+    let of_config = warnings.iter().map(text).filter(|text| text.starts_with("`sensor.config."));
+    of_config.map(|text| text.replacen("`sensor.config.", "`", 1)).collect()
+}
+
+#[test]
+fn values_of_places_in_other_units_are_doubted() {
+    let magnetic = |config: &str| doubts::<AtPlace<Magnetometer>>("magnetic_field", config);
+    assert_eq!(magnetic("field = [0.0, 2.1e-5, -4.3e-5]"), [""; 0]);
+    assert_eq!(magnetic("field = [0.0, 0.0, 9e-4]"), [""; 0]);
+    for (field, found) in [
+        (
+            "[0.0, 21000.0, -43000.0]",
+            "47850 T, expected at most 0.001 T; if it is in nT, write [0.0, 2.1e-5, -4.3e-5]",
+        ),
+        (
+            "[0.0, 0.21, -0.43]",
+            "0.4785 T, expected at most 0.001 T; if it is in gauss, write [0.0, 2.1e-5, -4.3e-5]",
+        ),
+        (
+            "[0.0, 21.0, -43.0]",
+            "47.85 T, expected at most 0.001 T; if it is in uT, write [0.0, 2.1e-5, -4.3e-5]",
+        ),
+        ("[0.0, 0.0, 5.0]", "5 T, expected at most 0.001 T; "),
+    ] {
+        assert_eq!(magnetic(&format!("field = {field}")), [format!("`field`: {found}")]);
+    }
+    assert_eq!(
+        doubts::<AtPlace<Altimeter>>("altitude", "mount = { position = [50.0, 0.0, 0.0] }"),
+        ["`mount.position`: 50 m, expected at most 20 m; if it is in mm, write 0.05"]
+    );
+    let origin = "origin = { latitude = 46.52, longitude = 6.57, altitude = 400000.0 }, heading = 90.0";
+    let found = doubts::<AtPlace<Gps>>("fix", origin);
+    assert_eq!(found[0], "`origin.altitude`: 400000 m, expected at most 100000 m; if it is in mm, write 400");
+    assert!(found.len() == 2 && found[1].starts_with("`heading`: an angle of 90 rad"), "{found:?}");
+}
+
 #[test]
 fn sensor_on_a_fixed_link_is_rejected() {
     let sensor =

@@ -68,6 +68,36 @@ fn run<C: Component, T: StateBuffer + Send>(
 const BALL: &str = "objects = [{ name = \"ball\", shape = { sphere = { radius = 0.5 } }, mass = 1.0, position = [50.0, 0.0, 0.5] }]";
 
 #[test]
+fn distances_in_millimetres_are_doubted() {
+    let doubts = |sensor: Instance| {
+        let graph = Graph::new("rays").robot("dog", "quadruped").with(truth()).with(sensor);
+        let warnings = graph.check().expect("warnings alone").warnings;
+        let of_config = warnings.iter().filter(|warning| warning.message().starts_with("`sensor.config"));
+        let text =
+            of_config.map(|warning| format!("{}; {}", warning.message(), warning.advice().unwrap_or("")));
+        text.collect::<Vec<_>>()
+    };
+    let lidar = |config: &str| doubts(sensor::<AlongRays<Lidar>>("ranges", config));
+    assert_eq!(lidar("most = 300.0, distance = { noise = 0.03 }"), [""; 0]);
+    assert_eq!(
+        lidar("most = 30000.0, distance = { noise = 30.0 }"),
+        [
+            "`sensor.config.most`: 30000 m, expected at most 1000 m; if it is in mm, write 30",
+            "`sensor.config.distance.noise`: 30 m, expected at most 1 m; if it is in mm, write 0.03"
+        ]
+    );
+    let ray = doubts(sensor::<AlongRays<RaySensor>>("range", "most = 4000.0"));
+    assert_eq!(ray, ["`sensor.config.most`: 4000 m, expected at most 1000 m; if it is in mm, write 4"]);
+    let scan = "size = [1600.0, 1000.0], spacing = 100.0, least = -2000.0, most = 1000.0";
+    let scan = doubts(sensor::<AlongRays<HeightScanSensor>>("height_scan", scan));
+    assert_eq!(scan.len(), 3, "{scan:?}");
+    let wide = sensor::<AlongRays<Lidar>>("ranges", "field_of_view = 360.0");
+    let graph = Graph::new("rays").robot("dog", "quadruped").with(truth()).with(wide);
+    let error = graph.check().expect_err("it is refused").render(false);
+    assert!(error.contains("if it is in degrees, write 6.2832"), "{error}");
+}
+
+#[test]
 fn inclined_ray_reads_height_over_its_sine() {
     let config = "mount = { rpy = [0.0, 0.5, 0.0] }, world = { ground = { height = 0.1 } }";
     for reading in run::<AlongRays<RaySensor>, Ranges>("range", config, None, "200 ms") {

@@ -1,4 +1,4 @@
-//! Values of objects that are probably in another unit: degrees or millimetres.
+//! Values of worlds that are probably in another unit, such as degrees, millimetres or grams.
 
 use motorium_robots::{ModelWarning, TriangleMesh};
 use nalgebra::Vector3;
@@ -41,6 +41,95 @@ impl World {
             }
         }
     }
+}
+
+/// Longest plausible distance of an object from the origin \[m\].
+const FARTHEST: f64 = 1000.0;
+/// Highest plausible velocity of an object \[m/s\].
+const FASTEST: f64 = 1000.0;
+/// Highest plausible velocity of the air or of a moving surface \[m/s\].
+const STRONGEST_WIND: f64 = 100.0;
+/// Highest plausible density of the surrounding fluid \[kg/m3\], slightly above salt water.
+const DENSEST_FLUID: f64 = 1100.0;
+/// Density of osmium \[kg/m3\], the largest of a solid.
+const OSMIUM: f64 = 22_590.0;
+/// Lowest plausible density of a solid \[kg/m3\]. Every metal in g/cm3 up to 9 is below it.
+const LIGHTEST: f64 = 10.0;
+
+const MILLIMETRES: &str = "if it is in millimetres, divide it by 1000";
+const MILLIMETRES_PER_SECOND: &str = "if it is in mm/s, divide it by 1000";
+
+/// Returns the largest magnitude of some numbers.
+fn largest(numbers: &[f64]) -> f64 {
+    numbers.iter().fold(0.0, |largest: f64, number| largest.max(number.abs()))
+}
+
+impl World {
+    /// Returns warnings of distances, velocities, masses and densities that were probably written in another
+    /// unit, one of each for all objects.
+    pub(super) fn warn_of_units(&self, warnings: &mut Vec<ModelWarning>) {
+        let mut warn = |what: String, value: f64, (unit, expected): (&'static str, &'static str), advice| {
+            warnings.push(ModelWarning::Implausible { what, value, unit, expected, advice });
+        };
+        let wind = largest(&self.wind);
+        if wind > STRONGEST_WIND {
+            warn("world: `wind`".to_owned(), wind, ("m/s", "at most 100 m/s"), MILLIMETRES_PER_SECOND);
+        }
+        if self.air_density > DENSEST_FLUID {
+            let advice = "if it is in g/m3, divide it by 1000";
+            warn(
+                "world: `air_density`".to_owned(),
+                self.air_density,
+                ("kg/m3", "at most 1100 kg/m3"),
+                advice,
+            );
+        }
+        if let Some(ground) = &self.ground {
+            if ground.height.abs() > FARTHEST {
+                warn("ground: `height`".to_owned(), ground.height, ("m", "-1000 to 1000 m"), MILLIMETRES);
+            }
+            let speed = ground.conveyor.map_or(0.0, |conveyor| largest(&conveyor.velocity));
+            if speed > STRONGEST_WIND {
+                let what = "ground: `conveyor.velocity`".to_owned();
+                warn(what, speed, ("m/s", "at most 100 m/s"), MILLIMETRES_PER_SECOND);
+            }
+        }
+        let objects = || self.objects.iter();
+        let named = |object: &Object, field: &str| format!("object \"{}\": `{field}`", object.name);
+        if let Some(object) = objects().find(|object| largest(&object.position) > FARTHEST) {
+            let value = largest(&object.position);
+            warn(named(object, "position"), value, ("m", "at most 1000 m"), MILLIMETRES);
+        }
+        if let Some(object) = objects().find(|object| largest(&object.velocity) > FASTEST) {
+            let value = largest(&object.velocity);
+            warn(named(object, "velocity"), value, ("m/s", "at most 1000 m/s"), MILLIMETRES_PER_SECOND);
+        }
+        let speed = |object: &Object| object.conveyor.map_or(0.0, |conveyor| largest(&conveyor.velocity));
+        if let Some(object) = objects().find(|object| speed(object) > STRONGEST_WIND) {
+            let what = named(object, "conveyor.velocity");
+            warn(what, speed(object), ("m/s", "at most 100 m/s"), MILLIMETRES_PER_SECOND);
+        }
+        let light = |object: &Object| object.density.filter(|density| (0.0..LIGHTEST).contains(density));
+        if let Some((object, density)) = objects().find_map(|object| Some((object, light(object)?))) {
+            let advice = "if it is in g/cm3, multiply it by 1000";
+            warn(named(object, "density"), density, ("kg/m3", "at least 10 kg/m3"), advice);
+        }
+        let heavy = |object: &Object| density(object).filter(|density| *density > OSMIUM);
+        if let Some((object, density)) = objects().find_map(|object| Some((object, heavy(object)?))) {
+            let what = format!("object \"{}\": the density of its mass", object.name);
+            let advice = "if the mass is in grams, divide it by 1000";
+            warn(what, density.round(), ("kg/m3", "at most 22590 kg/m3, osmium's"), advice);
+        }
+    }
+}
+
+/// Returns the density of a moving object without meshes \[kg/m3\].
+fn density(object: &Object) -> Option<f64> {
+    if matches!(object.shape, ObjectShape::Mesh(_)) || !object.is_dynamic() {
+        return None;
+    }
+    let volume = object.shape.volume().filter(|volume| *volume > 0.0)?;
+    Some(object.mass_properties()?.mass / volume)
 }
 
 fn doubtful_size(object: &Object) -> Option<ModelWarning> {

@@ -198,6 +198,60 @@ fn objects_in_degrees_or_millimetres_are_reported() {
 }
 
 #[test]
+fn masses_and_velocities_in_other_units_are_reported() {
+    let ball = |rest: &str| {
+        doubts(&format!(
+            "[[objects]]\nname = \"ball\"\nshape = {{ sphere = {{ radius = 0.1 }} }}\nposition = [0.0, 0.0, 1.0]\n{rest}"
+        ))
+    };
+    for good in
+        ["mass = 90.0", "density = 7850.0", "density = 10.0", "mass = 1.0\nvelocity = [300.0, 0.0, 0.0]"]
+    {
+        assert_eq!(ball(good), [""; 0], "{good}");
+    }
+    for (rest, found) in [
+        (
+            "density = 7.85",
+            "object \"ball\": `density` is 7.85 kg/m3, expected at least 10 kg/m3; if it is in g/cm3, multiply it by 1000",
+        ),
+        (
+            "mass = 500.0",
+            "object \"ball\": the density of its mass is 119366 kg/m3, expected at most 22590 kg/m3, osmium's; if the mass is in grams, divide it by 1000",
+        ),
+        (
+            "mass = 1.0\nvelocity = [0.0, 1500.0, 0.0]",
+            "object \"ball\": `velocity` is 1500 m/s, expected at most 1000 m/s; if it is in mm/s, divide it by 1000",
+        ),
+    ] {
+        assert_eq!(ball(rest), [found]);
+    }
+    for (world, found) in [
+        (
+            "ground = { height = -1200.0 }",
+            "ground: `height` is -1200 m, expected -1000 to 1000 m; if it is in millimetres, divide it by 1000",
+        ),
+        (
+            "air_density = 1225.0",
+            "world: `air_density` is 1225 kg/m3, expected at most 1100 kg/m3; if it is in g/m3, divide it by 1000",
+        ),
+        (
+            "wind = [3000.0, 0.0, 0.0]",
+            "world: `wind` is 3000 m/s, expected at most 100 m/s; if it is in mm/s, divide it by 1000",
+        ),
+        (
+            "ground = { conveyor = { velocity = [500.0, 0.0, 0.0] } }",
+            "ground: `conveyor.velocity` is 500 m/s, expected at most 100 m/s; if it is in mm/s, divide it by 1000",
+        ),
+        (
+            "objects = [{ name = \"a\", shape = { sphere = { radius = 0.1 } }, position = [1500.0, 0.0, 0.0] }]",
+            "object \"a\": `position` is 1500 m, expected at most 1000 m; if it is in millimetres, divide it by 1000",
+        ),
+    ] {
+        assert_eq!(doubts(world), [found]);
+    }
+}
+
+#[test]
 fn sdf_in_degrees_or_millimetres_is_reported() {
     let model = |pose: &str, size: &str| {
         let text = format!(

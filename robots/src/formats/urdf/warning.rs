@@ -213,6 +213,20 @@ pub enum ModelWarning {
         /// Maximum plausible length \[m\].
         most: f64,
     },
+    /// A value is implausible, as if in another unit.
+    #[error("{what} is {value} {unit}, expected {expected}; {advice}")]
+    Implausible {
+        /// Name of the value, and the object or world that it belongs to.
+        what: String,
+        /// The value found.
+        value: f64,
+        /// Unit of the value.
+        unit: &'static str,
+        /// The plausible values, with their unit.
+        expected: &'static str,
+        /// The probable mistake and its correction.
+        advice: &'static str,
+    },
     /// The rotational inertia of a link is too small for its mass.
     #[error(
         "link \"{link}\": largest principal moment of {} kg m2 for {mass} kg, expected at least {least:.1e}, as for \
@@ -427,6 +441,7 @@ impl ModelWarning {
             | Self::Misspelt { .. }
             | Self::Misplaced { .. }
             | Self::Degrees { .. }
+            | Self::Implausible { .. }
             | Self::NoSize { .. }
             | Self::OversizedObject { .. }
             | Self::UnreadableMesh { .. }

@@ -11,6 +11,10 @@ use crate::nearest::nearest;
 use crate::plan::Program;
 use crate::worker::ConfigProblem;
 
+/// Key of the graph's world in the configuration of kinds that read it.
+const WORLD: &str = "world";
+/// Label of an error in the graph's world.
+pub(super) const IN_WORLD: &str = "in the world of the graph";
 /// Start of serde's message about an unknown key.
 const UNKNOWN_KEY: &str = "unknown field `";
 
@@ -43,6 +47,9 @@ pub(super) fn problem(
     problem: &ConfigProblem,
     report: &mut Report,
 ) {
+    if of_world(draft, config, &problem.error, report) {
+        return;
+    }
     let ConfigError { key, message, advice } = &problem.error;
     let place = key.as_deref().and_then(|key| match message.starts_with(UNKNOWN_KEY) {
         true => find(config, key).map(|found| found.key),
@@ -72,6 +79,38 @@ pub(super) fn problem(
         .error(format!("{subject}: {}", reworded(message)))
         .label(&place, format!("refused by {}", draft.what()))
         .advise(advice);
+}
+
+/// Reports an error in the graph's `[world]`, with the same text for each component that reads it, so that
+/// the report contains it once. Returns `false` for other errors.
+fn of_world(
+    draft: &Draft<'_, '_>,
+    config: &Value<'_>,
+    ConfigError { key, message, advice }: &ConfigError,
+    report: &mut Report,
+) -> bool {
+    let own = good(&draft.table.config).and_then(|table| find(&table.0, WORLD));
+    let world = find(config, WORLD).filter(|_| own.is_none());
+    let (Some(world), Some(key)) = (world, key.as_deref()) else { return false };
+    let Some(inside) = key.strip_prefix(WORLD).filter(|rest| rest.is_empty() || rest.starts_with(['.', '[']))
+    else {
+        return false;
+    };
+    let is_unknown = message.starts_with(UNKNOWN_KEY);
+    let subject = if inside.is_empty() || is_unknown { "`world`" } else { &format!("`{key}`") };
+    let text = message.strip_prefix("world: ").unwrap_or(message);
+    let found = report.error(format!("{subject}: {}", reworded(text)));
+    // most errors without a key are in the file
+    let place = find(config, if inside.is_empty() { "world.file" } else { key });
+    let place = place.filter(|place| place.value != world.value).map(|place| match is_unknown {
+        true => place.key,
+        false => place.value,
+    });
+    found.label(&place.unwrap_or(world.key), IN_WORLD);
+    if let Some(advice) = advice.clone().or_else(|| near_field(message)) {
+        found.advise(advice);
+    }
+    true
 }
 
 /// Returns the position of a key that a component reported: a key of its `config`, or `robot` of the

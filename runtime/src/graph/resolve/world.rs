@@ -6,6 +6,7 @@ use toml::Spanned;
 use toml::de::DeValue;
 
 use super::context::Context;
+use super::doubts;
 use super::draft::Draft;
 use super::siblings::Home;
 use crate::graph::diagnostic::Report;
@@ -81,7 +82,8 @@ fn of_file<'i>(
         match read(&path) {
             Ok(gravity) => Some(gravity.map(|number| format!("{number:?}"))),
             Err(error) => {
-                let found = report.error(error.message).label(&file.span(), "the file of the world");
+                let found =
+                    report.error(format!("`world`: {}", error.message)).label(&file.span(), doubts::IN_WORLD);
                 error.advice.into_iter().for_each(|advice| _ = found.advise(advice));
                 None
             }

@@ -17,6 +17,7 @@ use motorium_pictures::chart::{Latencies, latencies};
 
 use super::{peers, ratchet, table};
 use crate::out::{err, errln, out};
+use crate::output::Overwrite;
 use crate::{exit, registry, style};
 
 /// `SCHED_FIFO` priority of the measured processes, equal to the fastest component's in a graph.
@@ -40,6 +41,8 @@ pub(crate) struct Latency {
     /// Draw latency against percentile into this file
     #[arg(long, value_name = "FILE.svg")]
     plot: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: Overwrite,
     /// Measure only these cases: names from the table, or their beginnings up to a dot, such as
     /// `hop.blocking`
     #[arg(long, value_name = "NAME", num_args = 1..)]
@@ -95,6 +98,7 @@ impl Latency {
         if self.ratchet {
             return ratchet::run(&bench);
         }
+        self.overwrite.check(&[], self.output.iter().chain(&self.plot))?;
         let began = Instant::now();
         let cases = self.choose()?;
         // Report an unwritable file now rather than in five minutes; its content stays until then.
@@ -116,7 +120,7 @@ impl Latency {
         let mut written = Written {
             version: VERSION,
             motorium: env!("CARGO_PKG_VERSION").to_string(),
-            arguments: std::env::args().skip(1).collect(),
+            arguments: std::env::args_os().skip(1).map(|one| one.to_string_lossy().into_owned()).collect(),
             began_unix_s: SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs()),
             machine,
             load: bench.loader.to_string(),

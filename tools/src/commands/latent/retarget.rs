@@ -12,6 +12,7 @@ use nalgebra::Vector3;
 use serde_json::json;
 
 use crate::out::outln;
+use crate::output::{Overwrite, check_format, write_file};
 
 /// Compute poses of a robot whose limbs point in the same directions as a human's in a recorded movement.
 ///
@@ -54,6 +55,8 @@ pub(super) struct Retarget {
     /// File of the directions of the human's limbs
     #[arg(long, value_name = "FILE")]
     human: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: Overwrite,
     /// Print as JSON
     #[arg(long)]
     json: bool,
@@ -143,6 +146,9 @@ impl Retarget {
     }
 
     pub(super) fn run(self) -> anyhow::Result<ExitCode> {
+        let outputs = || [&self.output].into_iter().chain(&self.human);
+        self.overwrite.check([&self.take].into_iter().chain(&self.skeleton), outputs())?;
+        outputs().try_for_each(|output| check_format(output, &["csv"]))?;
         let directions = self.directions()?;
         let rpy = self.base_rpy.unwrap_or_default();
         let source = RobotSource {
@@ -189,7 +195,7 @@ impl Retarget {
                     "joints": found.positions.names(),
                     "median_error_deg": medians,
                     "branch_changes": branches,
-                    "file": self.output,
+                    "file": self.output.display().to_string(),
                 })
             );
             return Ok(ExitCode::SUCCESS);
@@ -216,5 +222,5 @@ fn write(path: &Path, recording: &Recording, every: u64) -> anyhow::Result<()> {
         }
         text.push('\n');
     }
-    std::fs::write(path, text).with_context(|| path.display().to_string())
+    write_file(path, text)
 }

@@ -10,6 +10,7 @@ use serde_json::json;
 use super::curves;
 use super::warnings::warn;
 use crate::out::outln;
+use crate::output::{Overwrite, check_format, write_file};
 
 /// Run several policies on the same episodes of a task, and compare their returns with the first policy's.
 ///
@@ -34,6 +35,8 @@ pub(super) struct Compare {
     /// Write the training curves to an SVG file
     #[arg(long, value_name = "FILE")]
     curves: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: Overwrite,
     /// Print as JSON
     #[arg(long)]
     json: bool,
@@ -41,6 +44,8 @@ pub(super) struct Compare {
 
 impl Compare {
     pub(super) fn run(self) -> anyhow::Result<ExitCode> {
+        self.overwrite.check(&self.task, &self.curves)?;
+        self.curves.iter().try_for_each(|curves| check_format(curves, &["svg"]))?;
         let task = self.task.clone().unwrap_or_else(|| self.policies[0].join("task.toml"));
         let evaluated = self.policies.iter().map(|policy| {
             evaluate(policy, &task, self.episodes as usize, self.seed)
@@ -52,14 +57,14 @@ impl Compare {
             let series = self.policies.iter().map(|policy| curves::returns(policy));
             let series = series.collect::<anyhow::Result<_>>()?;
             let chart = curves::chart("Return in training", "mean return of 100 episodes", series);
-            std::fs::write(file, chart.svg()).with_context(|| file.display().to_string())?;
+            write_file(file, chart.svg())?;
         }
         let compared: Vec<Option<Comparison>> =
             found.iter().map(|other| compare(&found[0], other, self.seed)).collect();
         if self.json {
-            let one = |((policy, found), compared): ((&PathBuf, &Evaluation), &Option<Comparison>)| json!({ "policy": policy, "evaluation": found, "comparison": compared });
+            let one = |((policy, found), compared): ((&PathBuf, &Evaluation), &Option<Comparison>)| json!({ "policy": policy.display().to_string(), "evaluation": found, "comparison": compared });
             let policies: Vec<_> = self.policies.iter().zip(&found).zip(&compared).map(one).collect();
-            outln!("{}", json!({ "task": task, "policies": policies }));
+            outln!("{}", json!({ "task": task.display().to_string(), "policies": policies }));
             return Ok(ExitCode::SUCCESS);
         }
         for ((policy, found), compared) in self.policies.iter().zip(&found).zip(&compared) {

@@ -21,6 +21,7 @@ use serde_json::json;
 
 use crate::commands::loading::graph_file;
 use crate::out::{errln, outln};
+use crate::output::{Overwrite, make_folder, write_file};
 use crate::{complete, registry, robots};
 
 /// Record the movement of a policy from several starts, fit models to it, and reproduce it.
@@ -47,6 +48,8 @@ pub(super) struct Imitate {
     /// The folder to write to
     #[arg(long, short, value_name = "FOLDER")]
     output: PathBuf,
+    #[command(flatten)]
+    overwrite: Overwrite,
     /// Print as JSON
     #[arg(long)]
     json: bool,
@@ -205,8 +208,11 @@ impl Imitate {
             Ok(checked) => checked.plan,
             Err(error) => return Ok(super::tune::refuse(&error)),
         };
-        std::fs::create_dir_all(&self.output).with_context(|| self.output.display().to_string())?;
         let stage = Stage::new(plan, registry)?;
+        let [plot, summary_file] = ["imitation.svg", "imitation.json"].map(|name| self.output.join(name));
+        let files = Movements::FILES.map(|name| self.output.join(name));
+        self.overwrite.check([&self.graph], files.iter().chain([&plot, &summary_file]))?;
+        make_folder(&plot)?;
         let first_test = self.seed + self.demonstrations;
         let shown = stage.record(self.seed..first_test)?;
         errln!("{} demonstrations of {:.2} s", shown.len(), stage.duration());
@@ -224,10 +230,6 @@ impl Imitate {
         }
         session.stop();
 
-        let write = |name: &str, text: &str| {
-            let file = self.output.join(name);
-            std::fs::write(&file, text).with_context(|| file.display().to_string())
-        };
         let mut page = Vec::new();
         for (axis, name) in names.iter().enumerate() {
             let mut panel = Panel::new(&format!("{name}, m"));
@@ -242,7 +244,7 @@ impl Imitate {
             }
             page.push(panel);
         }
-        write("imitation.svg", &panels(&page, ["recorded", "primitive"]))?;
+        write_file(&plot, panels(&page, ["recorded", "primitive"]))?;
         let rows: Vec<_> = reproduced
             .iter()
             .map(|(model, paths)| {
@@ -254,14 +256,14 @@ impl Imitate {
             })
             .collect();
         let summary = json!({
-            "graph": self.graph,
+            "graph": self.graph.display().to_string(),
             "demonstrations": self.demonstrations,
             "seconds": stage.duration(),
             "models": rows.iter().map(|(model, (mean, error), largest)| json!({
                 "model": model, "rms_m": mean, "rms_standard_error_m": error, "largest_m": largest,
             })).collect::<Vec<_>>(),
         });
-        write("imitation.json", &serde_json::to_string_pretty(&summary)?)?;
+        write_file(&summary_file, serde_json::to_string_pretty(&summary)?)?;
         if self.json {
             outln!("{summary}");
             return Ok(ExitCode::SUCCESS);

@@ -21,6 +21,7 @@ use super::warnings::warn;
 use crate::commands::recording::opened;
 use crate::interrupt::interrupted;
 use crate::out::{errln, outln};
+use crate::output::check_folder;
 
 /// Time between two lines of progress.
 const INTERVAL: Duration = Duration::from_secs(1);
@@ -146,6 +147,7 @@ fn steps(text: &str) -> Result<u64, String> {
 
 impl Train {
     pub(super) fn run(self) -> anyhow::Result<ExitCode> {
+        check_folder(&self.output)?;
         let seed = (self.seed, threads(self.threads));
         let is_taught = self.expert.is_some() || !self.recording.is_empty();
         let run = match self.algorithm.kind() {

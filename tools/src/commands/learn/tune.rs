@@ -28,6 +28,7 @@ use crate::complete;
 use crate::failure::Failure;
 use crate::interrupt::interrupted;
 use crate::out::{errln, outln};
+use crate::output::check_folder;
 use crate::overheads;
 use crate::printer::Printer;
 use crate::registry::registry;
@@ -316,6 +317,7 @@ pub(super) fn refuse(error: &GraphError) -> ExitCode {
 
 impl Tune {
     pub(super) fn run(self) -> anyhow::Result<ExitCode> {
+        check_folder(&self.output)?;
         let mut set: Vec<String> = self.set.iter().map(Override::to_string).collect();
         set.extend(self.duration.map(|duration| format!("duration=\"{duration}\"")));
         let absolute = |path: &PathBuf| std::path::absolute(path).with_context(|| path.display().to_string());
@@ -470,8 +472,8 @@ fn to_json(
         "outcomes": summary.outcomes,
         "reward": summary.best.as_ref().map(|(_, reward)| reward),
         "parameters": parameters,
-        "overlay": summary.best.as_ref().map(|_| tuning.best_file()),
-        "table": table,
+        "overlay": summary.best.as_ref().map(|_| tuning.best_file().display().to_string()),
+        "table": table.display().to_string(),
         "table_sha256": summary.table_sha256,
         "seconds": seconds,
         "evaluations_per_second": rate,

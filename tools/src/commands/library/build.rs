@@ -6,6 +6,8 @@ use std::process::ExitCode;
 use motorium_library::{MotionLibrary, Truncation};
 
 use super::source::{MetricName, Shape, Source};
+use crate::output::Overwrite;
+use crate::values::{at_least, fraction};
 
 /// Learn a library from recordings.
 ///
@@ -23,10 +25,12 @@ pub(super) struct Build {
     #[arg(long, value_enum, default_value = "position")]
     metric: MetricName,
     /// Minimise the mean error with N eigenforces, instead of the mean square error with any number
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = at_least(1))]
     balance: Option<usize>,
     #[command(flatten)]
     truncation: TruncationOptions,
+    #[command(flatten)]
+    overwrite: Overwrite,
     /// Print as JSON
     #[arg(long)]
     json: bool,
@@ -37,13 +41,13 @@ pub(super) struct Build {
 #[group(multiple = false)]
 pub(super) struct TruncationOptions {
     /// Keep this number of eigenforces
-    #[arg(long)]
+    #[arg(long, value_parser = at_least(1))]
     rank: Option<usize>,
     /// Keep the smallest number whose relative error is at most this value, such as 0.05
-    #[arg(long)]
+    #[arg(long, value_parser = fraction)]
     error: Option<f64>,
     /// Keep as many as fit into this number of bytes
-    #[arg(long)]
+    #[arg(long, value_parser = at_least(1))]
     bytes: Option<usize>,
 }
 
@@ -60,6 +64,7 @@ impl TruncationOptions {
 
 impl Build {
     pub(super) fn run(self) -> anyhow::Result<ExitCode> {
+        self.overwrite.check(&self.source.data, [&self.output])?;
         let recordings = self.source.read()?;
         let (spring, metric) = (self.shape.spring()?, self.metric.into());
         let library = match self.balance {

@@ -11,6 +11,7 @@ use motorium_library::{DAMPING, SampledSpring};
 
 use super::source::Source;
 use crate::out::outln;
+use crate::output::{Overwrite, make_folder};
 
 /// Train a network that writes letters from their pictures.
 ///
@@ -34,6 +35,8 @@ pub(super) struct Couple {
     /// Seed of the network and of the order of the letters
     #[arg(long, default_value_t = Training::default().seed)]
     seed: u64,
+    #[command(flatten)]
+    overwrite: Overwrite,
     /// Print as JSON
     #[arg(long)]
     json: bool,
@@ -44,6 +47,7 @@ const SAMPLES: usize = 100;
 
 impl Couple {
     pub(super) fn run(self) -> anyhow::Result<ExitCode> {
+        self.overwrite.check(&self.source.data, [&self.output])?;
         let letters = self.source.read()?;
         let dofs = letters.names.len();
         anyhow::ensure!(
@@ -71,11 +75,12 @@ impl Couple {
             bar.inc(1);
         })?;
         bar.finish_and_clear();
+        make_folder(&self.output)?;
         coupling.write(&self.output).with_context(|| self.output.display().to_string())?;
         let (first, last) = (losses[0], losses[losses.len() - 1]);
         if self.json {
             let report = serde_json::json!({
-                "file": self.output,
+                "file": self.output.display().to_string(),
                 "letters": letters.trajectories.len(),
                 "eigenforces": coupling.library().rank(),
                 "epochs": self.epochs,

@@ -11,6 +11,8 @@ use motorium_pictures::chart::{Chart, Series};
 
 use super::source::{Shape, Source};
 use crate::out::outln;
+use crate::output::{Overwrite, check_format, write_file};
+use crate::values::at_least;
 
 /// Learn from some of the recordings, and measure errors and recognition on the others.
 ///
@@ -24,18 +26,20 @@ pub(super) struct Evaluate {
     #[command(flatten)]
     shape: Shape,
     /// Hold out every K-th recording of each label
-    #[arg(long, default_value_t = 5, value_name = "K")]
+    #[arg(long, default_value_t = 5, value_name = "K", value_parser = at_least(2))]
     hold_out: usize,
     /// Hold out 1/K of all recordings at random instead, N times; errors are means over the splits, with
     /// their spread
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
     splits: Option<u64>,
     /// Numbers of weights
-    #[arg(long, value_delimiter = ',', default_values_t = [4, 8, 16, 32, 64])]
+    #[arg(long, value_delimiter = ',', default_values_t = [4, 8, 16, 32, 64], value_parser = at_least(1))]
     eigenforces: Vec<usize>,
     /// Draw the position errors into this SVG file
     #[arg(long, value_name = "SVG")]
     plot: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: Overwrite,
     /// Print as JSON
     #[arg(long)]
     json: bool,
@@ -43,6 +47,8 @@ pub(super) struct Evaluate {
 
 impl Evaluate {
     pub(super) fn run(self) -> anyhow::Result<ExitCode> {
+        self.overwrite.check(&self.source.data, &self.plot)?;
+        self.plot.iter().try_for_each(|plot| check_format(plot, &["svg"]))?;
         let all = self.source.read()?;
         let spring = self.shape.spring()?;
         let splits: Vec<(Recordings, Recordings)> = match self.splits {
@@ -69,7 +75,7 @@ impl Evaluate {
         }
         bar.finish_and_clear();
         if let Some(plot) = &self.plot {
-            std::fs::write(plot, self.chart(&measured).svg())?;
+            write_file(plot, self.chart(&measured).svg())?;
         }
         if self.json {
             let report = self.report(&measured, sizes);

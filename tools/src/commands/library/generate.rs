@@ -10,6 +10,8 @@ use motorium_pictures::chart::{Chart, Series, Tile, tiles};
 
 use crate::commands::primitive::per_dimension;
 use crate::out::{out, outln};
+use crate::output::{Overwrite, check_format, write_file};
+use crate::values::{at_least, finite, fraction, positive};
 
 /// Generate a movement: from the library, from given weights, or as a blend of two movements.
 ///
@@ -25,22 +27,24 @@ pub(super) struct Generate {
     #[arg(long, requires = "movement")]
     with: Option<String>,
     /// Fraction of the second movement, 0 to 1
-    #[arg(long, default_value_t = 0.5)]
+    #[arg(long, default_value_t = 0.5, value_parser = fraction)]
     blend: f64,
     /// Weights of the first eigenforces, instead of a movement; start and goal default to 0
-    #[arg(long, value_delimiter = ',', conflicts_with = "movement", allow_hyphen_values = true)]
+    #[arg(
+        long, value_delimiter = ',', conflicts_with = "movement", allow_hyphen_values = true, value_parser = finite
+    )]
     weights: Vec<f64>,
     /// Number of eigenforces to use [default: all]
-    #[arg(long)]
+    #[arg(long, value_parser = at_least(1))]
     eigenforces: Option<usize>,
     /// Start position, one number for each degree of freedom or for all; the goal is shifted with it
-    #[arg(long, value_delimiter = ',', allow_hyphen_values = true)]
+    #[arg(long, value_delimiter = ',', allow_hyphen_values = true, value_parser = finite)]
     start: Vec<f64>,
     /// Goal position, one number for each degree of freedom or for all
-    #[arg(long, value_delimiter = ',', allow_hyphen_values = true)]
+    #[arg(long, value_delimiter = ',', allow_hyphen_values = true, value_parser = finite)]
     goal: Vec<f64>,
     /// Seconds from start to goal
-    #[arg(long)]
+    #[arg(long, value_parser = positive)]
     duration: Option<f64>,
     /// Draw the movement into this SVG file
     #[arg(long, value_name = "SVG")]
@@ -48,6 +52,8 @@ pub(super) struct Generate {
     /// Write to this CSV file instead of standard output
     #[arg(long, short)]
     output: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: Overwrite,
     /// Print as JSON
     #[arg(long)]
     json: bool,
@@ -55,6 +61,9 @@ pub(super) struct Generate {
 
 impl Generate {
     pub(super) fn run(self) -> anyhow::Result<ExitCode> {
+        self.overwrite.check([&self.file], self.output.iter().chain(&self.plot))?;
+        self.output.iter().try_for_each(|output| check_format(output, &["csv"]))?;
+        self.plot.iter().try_for_each(|plot| check_format(plot, &["svg"]))?;
         let library = file::read(&self.file)?;
         let movement = self.movement(&library)?;
         let given = |option: &str, values: &[f64]| {
@@ -62,14 +71,11 @@ impl Generate {
             given.map(|values| per_dimension(option, values, library.layout().names())).transpose()
         };
         let (start, goal) = (given("--start", &self.start)?, given("--goal", &self.goal)?);
-        if let Some(duration) = self.duration {
-            anyhow::ensure!(duration > 0.0, "--duration is {duration}, expected a positive time");
-        }
         let movement = movement.placed(start.as_deref(), goal.as_deref(), self.duration);
         let path = movement.path(&library);
         let time = |k: usize| movement.frame.duration * k as f64 * library.spring().step();
         if let Some(plot) = &self.plot {
-            std::fs::write(plot, picture(&library, &path)).with_context(|| plot.display().to_string())?;
+            write_file(plot, picture(&library, &path))?;
         }
         if self.json {
             let columns: serde_json::Map<String, serde_json::Value> = library
@@ -98,7 +104,7 @@ impl Generate {
             csv.push('\n');
         }
         match &self.output {
-            Some(output) => std::fs::write(output, csv).with_context(|| output.display().to_string())?,
+            Some(output) => write_file(output, csv)?,
             None => out!("{csv}"),
         }
         Ok(ExitCode::SUCCESS)

@@ -6,6 +6,8 @@ use std::process::ExitCode;
 use motorium_library::file;
 
 use crate::eigenforces::eigenforces;
+use crate::output::{Overwrite, check_format, write_file};
+use crate::values::at_least;
 
 /// Show the content of a library.
 ///
@@ -18,8 +20,10 @@ pub(super) struct Inspect {
     #[arg(long, value_name = "SVG")]
     plot: Option<PathBuf>,
     /// Number of eigenforces to draw
-    #[arg(long, default_value_t = 4)]
+    #[arg(long, default_value_t = 4, value_parser = at_least(1))]
     eigenforces: usize,
+    #[command(flatten)]
+    overwrite: Overwrite,
     /// Print as JSON
     #[arg(long)]
     json: bool,
@@ -27,10 +31,12 @@ pub(super) struct Inspect {
 
 impl Inspect {
     pub(super) fn run(self) -> anyhow::Result<ExitCode> {
+        self.overwrite.check([&self.file], &self.plot)?;
+        self.plot.iter().try_for_each(|plot| check_format(plot, &["svg"]))?;
         let library = file::read(&self.file)?;
         if let Some(plot) = &self.plot {
             let chart = eigenforces(&library, "Eigenforces", 0..self.eigenforces);
-            std::fs::write(plot, chart.svg())?;
+            write_file(plot, chart.svg())?;
         }
         super::output::show(&library, Some(&self.file), self.json)
     }

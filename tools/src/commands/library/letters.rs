@@ -9,6 +9,8 @@ use motorium_library::letters::{ALPHABET, Variation, letters};
 use motorium_pictures::chart::{Tile, tiles};
 
 use crate::out::outln;
+use crate::output::{Overwrite, check_format, make_folder, write_file};
+use crate::values::at_least;
 
 /// Generate letters from built-in strokes, with seeded variation, as recordings.
 ///
@@ -19,7 +21,7 @@ pub(super) struct Letters {
     #[arg(long, short)]
     output: PathBuf,
     /// Number of variations of each letter
-    #[arg(long, default_value_t = 10)]
+    #[arg(long, default_value_t = 10, value_parser = at_least(1))]
     each: usize,
     /// Seed; equal seeds give equal letters
     #[arg(long, default_value_t = 1)]
@@ -27,6 +29,8 @@ pub(super) struct Letters {
     /// Draw the first variation of each letter into this SVG file
     #[arg(long, value_name = "SVG")]
     plot: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: Overwrite,
     /// Print as JSON
     #[arg(long)]
     json: bool,
@@ -34,7 +38,11 @@ pub(super) struct Letters {
 
 impl Letters {
     pub(super) fn run(self) -> anyhow::Result<ExitCode> {
+        self.overwrite.check(&[], [&self.output].into_iter().chain(&self.plot))?;
+        check_format(&self.output, &["jsonl", "ndjson"])?;
+        self.plot.iter().try_for_each(|plot| check_format(plot, &["svg"]))?;
         let set = letters(self.each, Variation::default(), self.seed);
+        make_folder(&self.output)?;
         let file = std::fs::File::create(&self.output).with_context(|| self.output.display().to_string())?;
         let mut file = std::io::BufWriter::new(file);
         let round = |column: &[f64]| column.iter().map(|x| (x * 1e6).round() / 1e6).collect::<Vec<f64>>();
@@ -54,11 +62,12 @@ impl Letters {
                 known: Vec::new(),
                 found: letter.positions.row_iter().map(|row| [row[0], row[1]]).collect(),
             };
-            std::fs::write(plot, tiles("", &first.map(tile).collect::<Vec<_>>(), 5))?;
+            write_file(plot, tiles("", &first.map(tile).collect::<Vec<_>>(), 5))?;
         }
         let count = set.trajectories.len();
         if self.json {
-            outln!("{}", serde_json::json!({ "file": self.output, "recordings": count, "labels": ALPHABET }));
+            let file = self.output.display().to_string();
+            outln!("{}", serde_json::json!({ "file": file, "recordings": count, "labels": ALPHABET }));
         } else {
             outln!("{count} letters ({ALPHABET}) in {}", self.output.display());
         }

@@ -4,10 +4,12 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use crate::out::outln;
+use crate::output::make_folder;
 use anyhow::Context as _;
 use motorium_library::{MotionLibrary, file};
 
 pub(super) fn write(library: &MotionLibrary, path: &Path) -> anyhow::Result<()> {
+    make_folder(path)?;
     file::write(library, path).with_context(|| path.display().to_string())
 }
 
@@ -20,7 +22,7 @@ pub(super) fn summary(library: &MotionLibrary, path: Option<&PathBuf>) -> serde_
     }
     let left = (1.0 - explained.iter().sum::<f64>()).max(0.0).sqrt();
     serde_json::json!({
-        "file": path,
+        "file": path.map(|path| path.display().to_string()),
         "names": library.layout().names(),
         "samples": library.spring().samples(),
         "damping": library.spring().damping(),

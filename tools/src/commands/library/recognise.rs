@@ -7,6 +7,7 @@ use motorium_library::{Recogniser, file};
 
 use super::source::Source;
 use crate::out::outln;
+use crate::values::at_least;
 
 /// Find the nearest movement of a library for each recording, and the novelty of the recording.
 ///
@@ -18,7 +19,7 @@ pub(super) struct Recognise {
     #[command(flatten)]
     source: Source,
     /// Number of eigenforces used for recognition
-    #[arg(long, default_value_t = 16)]
+    #[arg(long, default_value_t = 16, value_parser = at_least(1))]
     eigenforces: usize,
     /// Print as JSON
     #[arg(long)]

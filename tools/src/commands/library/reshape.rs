@@ -1,9 +1,8 @@
 //! `motorium library split`, `merge` and `update`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use anyhow::Context as _;
 use motorium_library::{
     MotionLibrary, RecursiveLibrary, file, merge_independent, merge_movements, merge_parts,
 };
@@ -11,7 +10,9 @@ use motorium_library::{
 use super::build::TruncationOptions;
 use super::source::Source;
 use crate::out::{errln, outln};
+use crate::output::Overwrite;
 use crate::style;
+use crate::values::at_least;
 
 /// Extract libraries of body parts from a library of the whole body, without the recordings.
 ///
@@ -26,6 +27,8 @@ pub(super) struct Split {
     /// The folder to write to: NAME.library for each part
     #[arg(long, short, value_name = "DIR", default_value = ".")]
     output: PathBuf,
+    #[command(flatten)]
+    overwrite: Overwrite,
     /// Print as JSON
     #[arg(long)]
     json: bool,
@@ -36,11 +39,20 @@ impl Split {
         let library = file::read(&self.file)?;
         let parts: Vec<_> =
             self.parts.iter().map(|part| library.layout().part(part)).collect::<Result<_, _>>()?;
-        std::fs::create_dir_all(&self.output).with_context(|| self.output.display().to_string())?;
+        let is_name = |name: &str| Path::new(name).file_name().is_some_and(|file| file == name);
+        if let Some(part) = parts.iter().find(|part| !is_name(&part.name)) {
+            anyhow::bail!(
+                "the part `{}` is not the name of a file, expected NAME=PATTERN such as left=l*",
+                part.name
+            );
+        }
+        let path = |name: &str| self.output.join(format!("{name}.library"));
+        let paths: Vec<PathBuf> = parts.iter().map(|part| path(&part.name)).collect();
+        self.overwrite.check([&self.file], &paths)?;
+        let splits: Vec<MotionLibrary> =
+            parts.iter().map(|part| library.split(part)).collect::<Result<_, _>>()?;
         let mut all = Vec::new();
-        for part in parts {
-            let path = self.output.join(format!("{}.library", part.name));
-            let split = library.split(&part)?;
+        for (split, path) in splits.into_iter().zip(paths) {
             super::output::write(&split, &path)?;
             if self.json {
                 all.push(super::output::summary(&split, Some(&path)));
@@ -75,6 +87,8 @@ pub(super) struct Merge {
     independent: bool,
     #[command(flatten)]
     truncation: TruncationOptions,
+    #[command(flatten)]
+    overwrite: Overwrite,
     /// Print as JSON
     #[arg(long)]
     json: bool,
@@ -82,6 +96,7 @@ pub(super) struct Merge {
 
 impl Merge {
     pub(super) fn run(self) -> anyhow::Result<ExitCode> {
+        self.overwrite.check(&self.files, [&self.output])?;
         let libraries: Vec<MotionLibrary> =
             self.files.iter().map(|path| file::read(path)).collect::<Result<_, _>>()?;
         let all: Vec<&MotionLibrary> = libraries.iter().collect();
@@ -99,7 +114,7 @@ impl Merge {
 
 /// Add recordings to a library one by one, without its training recordings.
 ///
-/// Example: motorium library update letters.library more.jsonl --output letters.library
+/// Example: motorium library update letters.library more.jsonl --output letters.library --overwrite
 #[derive(Debug, clap::Args)]
 pub(super) struct Update {
     /// The library
@@ -110,11 +125,13 @@ pub(super) struct Update {
     #[arg(long, short)]
     output: PathBuf,
     /// Maximum number of eigenforces to keep: about twice the number in use
-    #[arg(long, default_value_t = 50)]
+    #[arg(long, default_value_t = 50, value_parser = at_least(1))]
     capacity: usize,
     /// Factor on the weight of earlier movements per new movement; 1 forgets nothing
     #[arg(long, default_value_t = 1.0)]
     forgetting: f64,
+    #[command(flatten)]
+    overwrite: Overwrite,
     /// Print as JSON
     #[arg(long)]
     json: bool,
@@ -127,6 +144,8 @@ impl Update {
             "--forgetting is {}, expected a number above 0 and at most 1",
             self.forgetting
         );
+        // the library itself may be replaced
+        self.overwrite.check(&self.source.data, [&self.output])?;
         let library = file::read(&self.file)?;
         let recordings = self.source.read()?;
         anyhow::ensure!(

@@ -5,24 +5,26 @@ use std::path::PathBuf;
 use motorium_library::{DAMPING, Interpolation, Metric, Recordings, SampledSpring};
 use motorium_recordings::Selection;
 
+use crate::values::{at_least, from_zero, positive};
+
 /// Options that name recordings, and how to read them.
 #[derive(Debug, clap::Args)]
 pub(super) struct Source {
     /// Recordings: .csv, .tsv, .json or .jsonl files, or folders of such files
     #[arg(required = true)]
-    data: Vec<PathBuf>,
+    pub(super) data: Vec<PathBuf>,
     /// Samples per second of recordings without times
-    #[arg(long, default_value_t = 100.0)]
+    #[arg(long, default_value_t = 100.0, value_parser = positive)]
     rate: f64,
     /// Use only these degrees of freedom: names, or prefixes with `*`
     #[arg(long, value_delimiter = ',')]
     columns: Vec<String>,
     /// Smooth the recordings with a Gaussian of this standard deviation, in samples; recommended for measured
     /// recordings
-    #[arg(long, default_value_t = 0.0, value_name = "SAMPLES")]
+    #[arg(long, default_value_t = 0.0, value_name = "SAMPLES", value_parser = from_zero)]
     smooth: f64,
     /// Cut the recordings into half-overlapping windows with this number of samples
-    #[arg(long, value_name = "SAMPLES")]
+    #[arg(long, value_name = "SAMPLES", value_parser = at_least(2))]
     window: Option<usize>,
     /// With --window: drop windows with a larger step than this between two samples
     #[arg(long, default_value_t = f64::INFINITY)]

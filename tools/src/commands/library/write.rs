@@ -3,12 +3,13 @@
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use anyhow::Context as _;
 use motorium_learners::perception::{Coupling, Picture, length};
 use motorium_pictures::chart::{Tile, tiles};
 use nalgebra::DMatrix;
 
 use crate::out::{out, outln};
+use crate::output::{Overwrite, check_format, write_file};
+use crate::values::positive;
 
 /// Write a letter from its picture, by a coupling that `motorium library couple` trained.
 ///
@@ -36,20 +37,19 @@ pub(super) struct Write {
     /// Draw the letter into this SVG file
     #[arg(long, value_name = "SVG")]
     plot: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: Overwrite,
     /// Print as JSON
     #[arg(long)]
     json: bool,
 }
 
-fn positive(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(number) if number > 0.0 && number.is_finite() => Ok(number),
-        _ => Err("expected a positive number".to_string()),
-    }
-}
-
 impl Write {
     pub(super) fn run(self) -> anyhow::Result<ExitCode> {
+        let outputs = self.output.iter().chain(&self.plot);
+        self.overwrite.check([&self.coupling, &self.picture], outputs)?;
+        self.output.iter().try_for_each(|output| check_format(output, &["csv"]))?;
+        self.plot.iter().try_for_each(|plot| check_format(plot, &["svg"]))?;
         let coupling = Coupling::read(&self.coupling)?;
         let picture = Picture::read(&self.picture)?;
         let movement = coupling.written(&picture, self.pen_speed.map(|speed| speed / self.size));
@@ -62,10 +62,10 @@ impl Write {
                 self.picture.file_stem().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
             let found = path.row_iter().map(|row| [row[0], row[1]]).collect();
             let drawn = tiles("", &[Tile { name, known: Vec::new(), found }], 1);
-            std::fs::write(plot, drawn).with_context(|| plot.display().to_string())?;
+            write_file(plot, drawn)?;
         }
         if let Some(output) = &self.output {
-            std::fs::write(output, csv(&path, duration)).with_context(|| output.display().to_string())?;
+            write_file(output, csv(&path, duration))?;
         }
         if self.json {
             let report = serde_json::json!({

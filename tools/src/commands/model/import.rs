@@ -14,6 +14,7 @@ use motorium_robots::{LoadOptions, Loaded, load_with};
 
 use super::yaml;
 use crate::out::outln;
+use crate::output::{Overwrite, write_file};
 
 /// Options that conflict with `--descriptors`.
 const NOT_WITH_DESCRIPTORS: [&str; 5] = ["rate", "history", "height_points", "height_scale", "height_offset"];
@@ -39,9 +40,11 @@ pub(super) struct Import {
     /// The network: an ONNX file, a safetensors file, or a LEAPP bundle
     #[arg(value_name = "FILE")]
     file: PathBuf,
-    /// The folder to write, which must not contain a policy.toml
+    /// The folder to write
     #[arg(long, short, value_name = "FOLDER")]
     output: PathBuf,
+    #[command(flatten)]
+    overwrite: Overwrite,
     /// The table of a safetensors file
     #[arg(long, value_name = "TABLE.toml", conflicts_with_all = NOT_WITH_TABLE)]
     table: Option<PathBuf>,
@@ -98,9 +101,8 @@ fn bundle_file(path: &Path) -> anyhow::Result<Option<PathBuf>> {
 impl Import {
     pub(super) fn run(self) -> anyhow::Result<ExitCode> {
         let description = self.output.join("policy.toml");
-        if description.exists() {
-            bail!("{} exists; help: choose another folder, or remove it", name(&description));
-        }
+        let inputs = || [&self.file].into_iter().chain(&self.table).chain(&self.descriptors).chain(&self.env);
+        self.overwrite.check(inputs(), [&description])?;
         let robot = match &self.robot {
             Some(robot) => Some(load_with(robot, Path::new(""), &LoadOptions::default())?),
             None => None,
@@ -111,10 +113,14 @@ impl Import {
             policy.robot.clone_from(&self.robot);
             policy.robot_digest = robot_digest(&loaded, &policy.action.joints);
         }
-        std::fs::create_dir_all(&self.output).with_context(|| name(&self.output))?;
         let file = self.output.join(&policy.network);
-        std::fs::write(&file, network).with_context(|| name(&file))?;
-        std::fs::write(&description, policy.to_toml()?).with_context(|| name(&description))?;
+        let text = policy.to_toml()?;
+        // the network may already be in the folder
+        if std::fs::read(&file).ok().as_ref() != Some(&network) {
+            self.overwrite.check(inputs(), [&file])?;
+            write_file(&file, network)?;
+        }
+        write_file(&description, text)?;
         print(&policy, &self.output);
         Ok(ExitCode::SUCCESS)
     }

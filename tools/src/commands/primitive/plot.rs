@@ -2,9 +2,10 @@
 
 use std::path::Path;
 
-use anyhow::Context as _;
 use motorium_pictures::chart::{self, Panel};
 use motorium_primitives::rollout::Trajectory;
+
+use crate::output::write_file;
 
 /// Returns a panel of one dimension of movements, with two standard deviations if known.
 pub(super) fn dimension(name: &str, trajectories: &[Trajectory], dimension: usize) -> Panel {
@@ -24,6 +25,5 @@ pub(super) fn dimension(name: &str, trajectories: &[Trajectory], dimension: usiz
 
 /// Draws panels below each other into a file.
 pub(super) fn write(path: &Path, panels: &[Panel]) -> anyhow::Result<()> {
-    std::fs::write(path, chart::panels(panels, ["recorded", "primitive"]))
-        .with_context(|| path.display().to_string())
+    write_file(path, chart::panels(panels, ["recorded", "primitive"]))
 }

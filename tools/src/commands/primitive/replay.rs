@@ -5,14 +5,15 @@ use std::io::{ErrorKind, Write as _};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use anyhow::{Context as _, bail};
 use motorium_primitives::file::{Primitive, PrimitiveFile};
 use motorium_primitives::rollout::{Override, Trajectory, ViaPoint, roll_out};
 
 use super::numbers::{Numbers, numbers, per_dimension};
 use super::plot;
 use crate::out::errln;
+use crate::output::{self, Overwrite, check_format, write_file};
 use crate::style;
+use crate::values::positive;
 
 /// Distance from the mean, in standard deviations, beyond which a via point is an extrapolation.
 const FAR: f64 = 6.0;
@@ -58,16 +59,11 @@ pub(super) struct Replay {
     /// Draw the movement
     #[arg(long, value_name = "FILE.svg")]
     plot: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: Overwrite,
     /// Print the movement as JSON
     #[arg(long)]
     json: bool,
-}
-
-fn positive(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(number) if number > 0.0 && number.is_finite() => Ok(number),
-        _ => Err("expected a positive number".to_string()),
-    }
 }
 
 fn via(text: &str) -> Result<ViaPoint, String> {
@@ -87,6 +83,10 @@ fn via(text: &str) -> Result<ViaPoint, String> {
 
 impl Replay {
     pub(super) fn run(self) -> anyhow::Result<ExitCode> {
+        self.overwrite.check([&self.file], self.output.iter().chain(&self.plot))?;
+        self.plot.iter().try_for_each(|plot| check_format(plot, &["svg"]))?;
+        let known = ["csv", "json", "jsonl", "ndjson"];
+        let format = self.output.as_deref().map(|output| output::format(output, &known)).transpose()?;
         let file = PrimitiveFile::read(&self.file)?;
         let given = |option: &str, numbers: &Option<Numbers>| {
             numbers.as_ref().map(|numbers| per_dimension(option, &numbers.0, &file.names)).transpose()
@@ -109,13 +109,12 @@ impl Replay {
             plot::write(path, &panels)?;
         }
         if let Some(path) = &self.output {
-            let text = match path.extension().and_then(|ending| ending.to_str()) {
+            let text = match format {
                 Some("csv") => csv(&trajectory),
                 Some("json") => serde_json::to_string(&trajectory)? + "\n",
-                Some("jsonl" | "ndjson") => json_lines(&trajectory),
-                _ => bail!("{}: expected a name that ends in .csv, .json or .jsonl", path.display()),
+                _ => json_lines(&trajectory),
             };
-            std::fs::write(path, text).with_context(|| path.display().to_string())?;
+            write_file(path, text)?;
         }
         if self.json {
             print(&(serde_json::to_string(&trajectory)? + "\n"))?;

@@ -11,6 +11,7 @@ use serde::Serialize;
 
 use super::plot;
 use crate::out::{out, outln};
+use crate::output::{Overwrite, check_format, serialize_path};
 use crate::report::table;
 use crate::style;
 
@@ -26,6 +27,8 @@ pub(super) struct Show {
     /// deviations)
     #[arg(long, value_name = "FILE.svg")]
     plot: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: Overwrite,
     /// Print JSON
     #[arg(long)]
     json: bool,
@@ -38,6 +41,7 @@ struct Report<'a> {
     duration_s: f64,
     settings: serde_json::Value,
     dimensions: Vec<Dimension<'a>>,
+    #[serde(serialize_with = "serialize_path")]
     plot: Option<PathBuf>,
 }
 
@@ -52,6 +56,8 @@ struct Dimension<'a> {
 
 impl Show {
     pub(super) fn run(self) -> anyhow::Result<ExitCode> {
+        self.overwrite.check([&self.file], &self.plot)?;
+        self.plot.iter().try_for_each(|plot| check_format(plot, &["svg"]))?;
         let file = PrimitiveFile::read(&self.file)?;
         if let Some(path) = &self.plot {
             plot::write(path, &panels(&file)?)?;

@@ -11,6 +11,7 @@ use motorium_pictures::chart::{Chart, Series};
 use crate::braille::braille;
 use crate::out::{errln, out};
 use crate::output::{format, refuse_existing, write_file};
+use crate::values::finite;
 
 /// Maximum number of points of a curve in a picture: more than the picture has columns.
 const POINTS: usize = 2000;
@@ -39,10 +40,10 @@ pub(crate) struct Plot {
     #[arg(long, requires = "output")]
     overwrite: bool,
     /// Start of the drawn interval, s since the start of the recording
-    #[arg(long, value_name = "S", default_value_t = 0.0)]
+    #[arg(long, value_name = "S", default_value_t = 0.0, value_parser = finite)]
     from: f64,
     /// End of the drawn interval, s [default: the recording's]
-    #[arg(long, value_name = "S")]
+    #[arg(long, value_name = "S", value_parser = finite)]
     to: Option<f64>,
 }
 

@@ -14,17 +14,18 @@ use serde_json::json;
 
 use super::writer::FigureWriter;
 use crate::commands::learn::threads::threads;
+use crate::output::Overwrite;
 
 /// Catch a ball in a cup with PoWER, on the weights of a motion library and of radial kernels.
 ///
 /// Each search starts from the mean of a demonstrator's attempts and learns from one episode per rollout.
 /// Writes the returns as CSV and SVG (bars: standard errors over seeds), and reports which claims hold.
 ///
-/// Example: motorium reproduce ball-in-cup --output out/
+/// Example: motorium reproduce ball-in-cup --output out/ball-in-cup
 #[derive(Debug, clap::Args)]
 pub(super) struct BallInCup {
     /// The folder to write to
-    #[arg(long, short, value_name = "DIR", default_value = "out")]
+    #[arg(long, short, value_name = "DIR", default_value = "out/ball-in-cup")]
     output: PathBuf,
     /// File of the task
     #[arg(long, value_name = "FILE", default_value = "tasks/ball-in-cup.toml")]
@@ -44,6 +45,8 @@ pub(super) struct BallInCup {
     /// Threads; all cores if not given
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=256))]
     threads: Option<u32>,
+    #[command(flatten)]
+    overwrite: Overwrite,
     /// Print as JSON
     #[arg(long)]
     json: bool,
@@ -62,7 +65,7 @@ impl BallInCup {
         let task = Task::parse(&text).with_context(file)?;
         let base = self.task.parent().unwrap_or(Path::new(""));
         let trials = self.seeds * (Weights::ALL.len() * settings.weights.len()) as u64;
-        let mut writer = FigureWriter::new(self.output.clone(), trials)?;
+        let mut writer = FigureWriter::new(self.output.clone(), trials, self.overwrite)?;
         let began = Instant::now();
         let study = Study::run(&task, base, &settings, threads(self.threads), || writer.bar.inc(1))?;
         let seconds = began.elapsed().as_secs_f64();

@@ -13,6 +13,7 @@ use serde_json::json;
 
 use super::writer::FigureWriter;
 use crate::commands::learn::threads::threads;
+use crate::output::Overwrite;
 
 /// The task.
 const TASK: &str = include_str!("../../../tasks/cart-pole.toml");
@@ -25,11 +26,11 @@ const SOLVED: f64 = 475.0;
 /// cart run off its track, and from scratch. Writes the returns as CSV and SVG (bars: standard errors over
 /// seeds), and reports which claims hold.
 ///
-/// Example: motorium reproduce cartpole --output out/
+/// Example: motorium reproduce cartpole --output out/cartpole
 #[derive(Debug, clap::Args)]
 pub(super) struct Cartpole {
     /// The folder to write to
-    #[arg(long, short, value_name = "DIR", default_value = "out")]
+    #[arg(long, short, value_name = "DIR", default_value = "out/cartpole")]
     output: PathBuf,
     /// Number of seeds, each for one trial of every method, with and without imitation
     #[arg(long, default_value_t = 10, value_parser = clap::value_parser!(u64).range(2..=1000))]
@@ -49,6 +50,8 @@ pub(super) struct Cartpole {
     /// Threads; all cores if not given
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=256))]
     threads: Option<u32>,
+    #[command(flatten)]
+    overwrite: Overwrite,
     /// Print as JSON
     #[arg(long)]
     json: bool,
@@ -64,7 +67,7 @@ impl Cartpole {
             steps: self.steps,
         };
         let trials = self.seeds * (1 + (Method::ALL.len() * Beginning::ALL.len()) as u64);
-        let mut writer = FigureWriter::new(self.output.clone(), trials)?;
+        let mut writer = FigureWriter::new(self.output.clone(), trials, self.overwrite)?;
         let (task, began) = (Task::parse(TASK)?, Instant::now());
         let study =
             Study::run(&task, Path::new("."), &settings, threads(self.threads), || writer.bar.inc(1))?;

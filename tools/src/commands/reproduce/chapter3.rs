@@ -14,14 +14,14 @@ use super::{body, letters, perception, search};
 /// Writes each figure as CSV and SVG (bars: standard errors), and reports which claims hold for these data.
 /// An interrupted run continues when started again with the same options.
 ///
-/// Example: motorium reproduce chapter3 --data recordings/ --output out/
+/// Example: motorium reproduce chapter3 --data recordings/ --output out/chapter3
 #[derive(Debug, clap::Args)]
 pub(super) struct Chapter3 {
     /// The folder with uci-char-trajectories/train.jsonl and cmu-mocap/*.csv
     #[arg(long)]
     data: PathBuf,
     /// The folder to write to
-    #[arg(long, short, value_name = "DIR", default_value = "out")]
+    #[arg(long, short, value_name = "DIR", default_value = "out/chapter3")]
     output: PathBuf,
     /// Number of samples per letter
     #[arg(long, default_value_t = 200)]

@@ -19,14 +19,14 @@ use super::writer::FigureWriter;
 /// with a direct Gaussian process, ridge regression and the nearest pose. Writes each figure as CSV and SVG
 /// (bars: standard errors over splits), and reports which claims hold.
 ///
-/// Example: motorium reproduce chapter4 --data recordings/ --output out/
+/// Example: motorium reproduce chapter4 --data recordings/ --output out/chapter4
 #[derive(Debug, clap::Args)]
 pub(super) struct Chapter4 {
     /// The folder with human-robot-arms/human.csv, walkman.csv, coman.csv and centauro.csv
     #[arg(long)]
     data: PathBuf,
     /// The folder to write to
-    #[arg(long, short, value_name = "DIR", default_value = "out")]
+    #[arg(long, short, value_name = "DIR", default_value = "out/chapter4")]
     output: PathBuf,
     /// Number of splits of the poses, each with different held-out poses
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u64).range(2..=20))]

@@ -20,6 +20,7 @@ use serde_json::json;
 use super::writer::FigureWriter;
 use crate::commands::examples;
 use crate::interrupt::interrupted;
+use crate::output::Overwrite;
 use crate::registry::registry;
 use crate::report::decimal;
 use crate::rollout::{Rollout, allowed_cores, overlay};
@@ -36,11 +37,11 @@ const UPRIGHT: &str = "physics.base_height_lowest_m > 0.12";
 /// kernel, random search and the hand-set gait. Writes each figure as CSV and SVG (bars: standard errors over
 /// seeds), all evaluations, and an overlay of the fastest gait, and reports which claims hold.
 ///
-/// Example: motorium reproduce locomotion --output out/
+/// Example: motorium reproduce locomotion --output out/locomotion
 #[derive(Debug, clap::Args)]
 pub(super) struct Locomotion {
     /// The folder to write to
-    #[arg(long, short, value_name = "DIR", default_value = "out")]
+    #[arg(long, short, value_name = "DIR", default_value = "out/locomotion")]
     output: PathBuf,
     /// Number of seeds, each for one search with each method
     #[arg(long, default_value_t = 10, value_parser = clap::value_parser!(u64).range(2..=1000))]
@@ -57,6 +58,8 @@ pub(super) struct Locomotion {
     /// Threads; all cores if not given
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=256))]
     threads: Option<u32>,
+    #[command(flatten)]
+    overwrite: Overwrite,
     /// Print as JSON
     #[arg(long)]
     json: bool,
@@ -108,10 +111,10 @@ impl Locomotion {
     }
 
     pub(super) fn run(self) -> anyhow::Result<ExitCode> {
-        ensure!((0.1..=600.0).contains(&self.seconds), "--seconds: expected 0.1 to 600");
+        ensure!((0.1..=600.0).contains(&self.seconds), "--seconds is {}, expected 0.1 to 600", self.seconds);
         let rollout = self.rollout()?;
         let runs = self.seeds * (1 + self.evaluations * Searcher::ALL.len() as u64);
-        let mut writer = FigureWriter::new(self.output.clone(), runs)?;
+        let mut writer = FigureWriter::new(self.output.clone(), runs, self.overwrite)?;
         let (study, seconds) = self.study(&rollout, &writer)?;
         charts(&mut writer, &study)?;
         writer.write("locomotion-evaluations.csv", &table(&study))?;

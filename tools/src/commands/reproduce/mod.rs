@@ -16,7 +16,7 @@ use std::process::ExitCode;
 
 /// Recompute published figures, and report which of their claims hold.
 ///
-/// Example: motorium reproduce chapter3 --output out/
+/// Example: motorium reproduce chapter3 --output out/chapter3
 #[derive(Debug, clap::Args)]
 pub(crate) struct Reproduce {
     #[command(subcommand)]

@@ -8,6 +8,7 @@ use motorium_pictures::chart::{Chart, Series};
 
 use super::writer::FigureWriter;
 use crate::out::outln;
+use crate::output::Overwrite;
 use crate::report::decimal;
 
 /// Compare stacks of tasks, figure 2.27 of Delhaisse's thesis (2019): a posture, a hand, their weighted sum,
@@ -15,11 +16,11 @@ use crate::report::decimal;
 ///
 /// Writes the errors of hand and posture as CSV and SVG, and reports which claims hold.
 ///
-/// Example: motorium reproduce qp --output out/
+/// Example: motorium reproduce qp --output out/qp
 #[derive(Debug, clap::Args)]
 pub(super) struct Qp {
     /// The folder to write to
-    #[arg(long, short, value_name = "DIR", default_value = "out")]
+    #[arg(long, short, value_name = "DIR", default_value = "out/qp")]
     output: PathBuf,
     /// The robot, with a fixed base, a home pose and one end effector
     #[arg(long, default_value = "iiwa14")]
@@ -27,6 +28,8 @@ pub(super) struct Qp {
     /// Duration of the motion, s
     #[arg(long, default_value_t = 8.0)]
     seconds: f64,
+    #[command(flatten)]
+    overwrite: Overwrite,
     /// Print as JSON
     #[arg(long)]
     json: bool,
@@ -57,14 +60,18 @@ const FIGURES: [Figure; 2] = [
 
 impl Qp {
     pub(super) fn run(self) -> anyhow::Result<ExitCode> {
-        anyhow::ensure!((0.1..=600.0).contains(&self.seconds), "--seconds: expected 0.1 to 600");
+        anyhow::ensure!(
+            (0.1..=600.0).contains(&self.seconds),
+            "--seconds is {}, expected 0.1 to 600",
+            self.seconds
+        );
         let robot = motorium_robots::load(&self.robot, &std::env::current_dir()?)?;
         let model = &robot.model;
         anyhow::ensure!(!model.base().floating, "robot `{}` has a floating base", self.robot);
         let profile = robot.profile.as_ref();
         let profile = profile.ok_or_else(|| anyhow::anyhow!("robot `{}` has no profile", self.robot))?;
         let (home, hand) = (profile.home(model)?, robot.end_effector(None)?);
-        let mut writer = FigureWriter::new(self.output.clone(), 4)?;
+        let mut writer = FigureWriter::new(self.output.clone(), 4, self.overwrite)?;
         let mut runs = Vec::new();
         for stack in TaskStack::ALL {
             runs.push(run_stack(model, home.as_slice(), hand, stack, self.seconds)?);
@@ -89,7 +96,7 @@ impl Qp {
         claims(&mut writer, &runs);
         writer.bar.finish_and_clear();
         if self.json {
-            let report = serde_json::json!({ "claims": writer.claims, "files": writer.files });
+            let report = serde_json::json!({ "claims": writer.claims, "files": writer.shown_files() });
             outln!("{}", serde_json::to_string_pretty(&report)?);
             return Ok(ExitCode::SUCCESS);
         }

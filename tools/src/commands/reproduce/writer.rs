@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::io::IsTerminal as _;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
 
@@ -12,6 +12,7 @@ use motorium_pictures::chart::Chart;
 use serde::{Deserialize, Serialize};
 
 use crate::out::{errln, outln};
+use crate::output::{Overwrite, check_folder};
 
 /// A claim, and the verdict of this run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -46,13 +47,28 @@ pub(super) struct FigureWriter {
     pub(super) files: Vec<PathBuf>,
     pub(super) claims: Vec<Claim>,
     progress: Option<Progress>,
+    /// The option that permits replacing existing files.
+    option: &'static str,
+    /// `true` if existing files are replaced: by request, or because an earlier run with equal options
+    /// continues.
+    replaces: bool,
 }
 
 /// File in the folder of the figures that records the progress.
 const PROGRESS: &str = "progress.json";
+/// File with the claims, written last.
+const CLAIMS: &str = "claims.json";
 
 impl FigureWriter {
-    pub(super) fn new(folder: PathBuf, steps: u64) -> anyhow::Result<Self> {
+    /// Creates a writer. Figures and claims of an earlier run are replaced on request only.
+    pub(super) fn new(folder: PathBuf, steps: u64, overwrite: Overwrite) -> anyhow::Result<Self> {
+        let writer = Self::open(folder, steps, ("--overwrite", overwrite.is_given()))?;
+        writer.refuse_existing(&writer.folder.join(CLAIMS))?;
+        Ok(writer)
+    }
+
+    fn open(folder: PathBuf, steps: u64, (option, replaces): (&'static str, bool)) -> anyhow::Result<Self> {
+        check_folder(&folder)?;
         std::fs::create_dir_all(&folder).with_context(|| folder.display().to_string())?;
         let bar = ProgressBar::new(steps);
         if let Ok(style) =
@@ -60,7 +76,19 @@ impl FigureWriter {
         {
             bar.set_style(style);
         }
-        Ok(Self { folder, bar, files: Vec::new(), claims: Vec::new(), progress: None })
+        let (files, claims) = (Vec::new(), Vec::new());
+        Ok(Self { folder, bar, files, claims, progress: None, option, replaces })
+    }
+
+    /// Refuses to replace a file that this run did not write.
+    fn refuse_existing(&self, path: &Path) -> anyhow::Result<()> {
+        anyhow::ensure!(
+            self.replaces || self.files.iter().any(|file| file == path) || !path.exists(),
+            "{} exists: name another folder, or replace its figures with `{}`",
+            path.display(),
+            self.option
+        );
+        Ok(())
     }
 
     /// Creates a writer for work in parts. Skips parts that an earlier run with equal options, `of`, finished
@@ -71,10 +99,14 @@ impl FigureWriter {
         of: serde_json::Value,
         restart: bool,
     ) -> anyhow::Result<Self> {
-        let mut writer = Self::new(folder, steps)?;
-        let known = std::fs::read_to_string(writer.folder.join(PROGRESS)).ok().filter(|_| !restart);
+        let mut writer = Self::open(folder, steps, ("--restart", restart))?;
+        let file = writer.folder.join(PROGRESS);
+        let known = std::fs::read_to_string(&file).ok().filter(|_| !restart);
         let known = known.and_then(|text| serde_json::from_str::<Progress>(&text).ok());
         let known = known.filter(|progress| progress.of == of);
+        writer.replaces |= known.is_some();
+        writer.refuse_existing(&file)?;
+        writer.refuse_existing(&writer.folder.join(CLAIMS))?;
         writer.progress = Some(known.unwrap_or(Progress { of, parts: BTreeMap::new() }));
         Ok(writer)
     }
@@ -127,6 +159,7 @@ impl FigureWriter {
     /// Writes a file.
     pub(super) fn write(&mut self, name: &str, content: &str) -> anyhow::Result<()> {
         let path = self.folder.join(name);
+        self.refuse_existing(&path)?;
         std::fs::write(&path, content).with_context(|| path.display().to_string())?;
         self.files.push(path);
         Ok(())
@@ -141,10 +174,10 @@ impl FigureWriter {
     /// Writes the claims, and prints them.
     pub(super) fn finish(mut self, json: bool) -> anyhow::Result<ExitCode> {
         let claims = serde_json::to_string_pretty(&self.claims)?;
-        self.write("claims.json", &claims)?;
+        self.write(CLAIMS, &claims)?;
         self.bar.finish_and_clear();
         if json {
-            let report = serde_json::json!({ "claims": self.claims, "files": self.files });
+            let report = serde_json::json!({ "claims": self.claims, "files": self.shown_files() });
             outln!("{}", serde_json::to_string_pretty(&report)?);
             return Ok(ExitCode::SUCCESS);
         }
@@ -154,6 +187,11 @@ impl FigureWriter {
         }
         outln!("{} files in {}", self.files.len(), self.folder.display());
         Ok(ExitCode::SUCCESS)
+    }
+
+    /// Returns the written files as text.
+    pub(super) fn shown_files(&self) -> Vec<String> {
+        self.files.iter().map(|file| file.display().to_string()).collect()
     }
 
     pub(super) fn claim(&mut self, figure: &str, claim: &str, holds: bool, evidence: String) {
@@ -185,9 +223,38 @@ mod tests {
             assert_eq!((writer.claims.len(), writer.files.len(), writer.bar.position()), (2, 2, 4));
             done
         };
-        assert_eq!([run(1, false), run(1, false), run(1, true), run(2, false)], [2, 0, 2, 2]);
+        assert_eq!([run(1, false), run(1, false), run(1, true), run(2, true)], [2, 0, 2, 2]);
         std::fs::remove_file(folder.path().join("two.txt")).unwrap();
         assert_eq!(run(2, false), 1);
+    }
+
+    #[test]
+    fn figures_of_another_run_are_replaced_on_request_only() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = || folder.path().to_path_buf();
+        let resumed = |of: i32, restart: bool| {
+            FigureWriter::resuming(path(), 1, serde_json::json!(of), restart)
+                .map_err(|error| error.to_string())
+        };
+        let mut writer = resumed(1, false).unwrap();
+        writer.part("one", |writer| writer.write("one.txt", "mine")).unwrap();
+        let refused = resumed(2, false).err().unwrap();
+        assert!(
+            refused.ends_with(
+                "progress.json exists: name another folder, or replace its figures with `--restart`"
+            ),
+            "{refused}"
+        );
+        assert!(resumed(1, false).is_ok() && resumed(2, true).is_ok());
+        let mut other = FigureWriter::new(path(), 1, Overwrite::default()).unwrap();
+        let refused = other.write("one.txt", "").unwrap_err().to_string();
+        assert!(refused.contains("one.txt exists") && refused.ends_with("with `--overwrite`"), "{refused}");
+        assert_eq!(std::fs::read_to_string(path().join("one.txt")).unwrap(), "mine");
+        other.write("two.txt", "a").unwrap();
+        other.write("two.txt", "b").unwrap();
+        other.finish(true).unwrap();
+        let refused = FigureWriter::new(path(), 1, Overwrite::default()).err().unwrap().to_string();
+        assert!(refused.contains("claims.json exists"), "{refused}");
     }
 
     #[test]

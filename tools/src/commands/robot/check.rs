@@ -106,7 +106,7 @@ fn report(robot: &Loaded, warnings: &[String]) -> serde_json::Value {
     json!({
         "valid": true,
         "name": robot.model.name(),
-        "file": robot.path,
+        "file": robot.path.as_ref().map(|path| path.display().to_string()),
         "size": facts::size(&robot.model),
         "warnings": warnings,
     })

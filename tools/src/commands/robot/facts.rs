@@ -100,7 +100,7 @@ pub(super) fn all(robot: &Loaded) -> Value {
     };
     let mut all = json!({
         "name": model.name(),
-        "file": robot.path,
+        "file": robot.path.as_ref().map(|path| path.display().to_string()),
         "size": size(model),
         "joints": joints(model),
         "frames": model.frames().iter().map(frame).collect::<Vec<_>>(),

@@ -14,6 +14,7 @@ use serde_json::json;
 use super::source::RobotArgs;
 use super::urdf_text::text;
 use crate::out::{errln, outln};
+use crate::output::{Overwrite, write_file};
 use crate::style;
 
 /// Write a copy of a URDF in which each collision mesh is replaced by its convex hull or by several convex
@@ -30,6 +31,8 @@ pub(super) struct Hulls {
     /// Folder to write to
     #[arg(long, short, value_name = "DIR")]
     output: PathBuf,
+    #[command(flatten)]
+    overwrite: Overwrite,
     /// Maximum number of convex parts per mesh; 1 for its hull
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=256))]
     parts: u32,
@@ -74,12 +77,20 @@ impl Hulls {
         );
         let meshes = meshes(&document);
         anyhow::ensure!(!meshes.is_empty(), "no link of robot `{}` has a mesh", robot.model.name());
-        std::fs::create_dir_all(self.output.join("meshes"))
-            .with_context(|| format!("making {}", self.output.display()))?;
+        let name = robot.path.as_deref().and_then(Path::file_name).map(PathBuf::from);
+        let file = self.output.join(name.unwrap_or_else(|| format!("{}.urdf", robot.model.name()).into()));
+        anyhow::ensure!(
+            robot.path.as_deref().and_then(|own| own.canonicalize().ok()) != file.canonicalize().ok()
+                || !file.exists(),
+            "{} is the robot itself; name another folder by --output",
+            file.display()
+        );
+        self.overwrite.check(&[], [&file])?;
+        let mut files: Vec<(PathBuf, String)> = Vec::new();
         let mut edits: Vec<(std::ops::Range<usize>, String)> = Vec::new();
         let (mut made, mut counts) = (Vec::new(), BTreeMap::<String, usize>::new());
         for mesh in meshes {
-            match self.parts_of(&mesh, robot.path.as_deref(), &mut counts) {
+            match self.parts_of(&mesh, robot.path.as_deref(), (&mut counts, &mut files)) {
                 Ok((elements, one)) => {
                     edits.push((mesh.place, elements));
                     made.push(one);
@@ -95,17 +106,14 @@ impl Hulls {
         for (place, elements) in edits {
             copy.replace_range(place, &elements);
         }
-        let name = robot.path.as_deref().and_then(Path::file_name).map(PathBuf::from);
-        let file = self.output.join(name.unwrap_or_else(|| format!("{}.urdf", robot.model.name()).into()));
-        anyhow::ensure!(
-            robot.path.as_deref().and_then(|own| own.canonicalize().ok()) != file.canonicalize().ok()
-                || !file.exists(),
-            "{} is the robot itself; name another folder by --output",
-            file.display()
-        );
-        std::fs::write(&file, copy).with_context(|| format!("writing {}", file.display()))?;
+        files.push((file.clone(), copy));
+        self.overwrite.check(&robot.path, files.iter().map(|(path, _)| path))?;
+        files.iter().try_for_each(|(path, text)| write_file(path, text))?;
         if self.json {
-            outln!("{}", serde_json::to_string_pretty(&json!({ "file": file, "meshes": made }))?);
+            outln!(
+                "{}",
+                serde_json::to_string_pretty(&json!({ "file": file.display().to_string(), "meshes": made }))?
+            );
             return Ok(ExitCode::SUCCESS);
         }
         for one in &made {
@@ -117,12 +125,12 @@ impl Hulls {
         Ok(ExitCode::SUCCESS)
     }
 
-    /// Writes the convex parts of a mesh and returns the elements that replace it.
+    /// Adds the files of the convex parts of a mesh, and returns the elements that replace it.
     fn parts_of(
         &self,
         mesh: &Mesh,
         file: Option<&Path>,
-        counts: &mut BTreeMap<String, usize>,
+        (counts, contents): (&mut BTreeMap<String, usize>, &mut Vec<(PathBuf, String)>),
     ) -> anyhow::Result<(String, Made)> {
         let environment = PackagePath::from_env();
         let mut packages = PackagePath { folders: self.robot.package_path.clone(), prefixes: Vec::new() };
@@ -141,8 +149,7 @@ impl Hulls {
             let kept = |c: char| if c.is_ascii_alphanumeric() || c == '_' || c == '-' { c } else { '_' };
             let name = format!("meshes/{}_{count}.obj", mesh.link.chars().map(kept).collect::<String>());
             *count += 1;
-            let path = self.output.join(&name);
-            std::fs::write(&path, part.to_obj()).with_context(|| format!("writing {}", path.display()))?;
+            contents.push((self.output.join(&name), part.to_obj()));
             let _ = write!(
                 elements,
                 "<collision>{}<geometry><mesh filename=\"{name}\"/></geometry></collision>",

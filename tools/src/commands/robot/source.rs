@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
+use clap::builder::NonEmptyStringValueParser;
 use motorium_robots::{
     BaseMode, LoadError, LoadOptions, Loaded, MimicMode, PackagePath, Position, ProfileChoice, ShapeSource,
     load_with,
@@ -16,7 +17,9 @@ use crate::style;
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct RobotArgs {
     /// A catalogue or installed robot, a URDF or MJCF file, or a folder with one
-    #[arg(value_name = "ROBOT", add = crate::complete::robots())]
+    #[arg(
+        value_name = "ROBOT", add = crate::complete::robots(), value_parser = NonEmptyStringValueParser::new()
+    )]
     pub(super) robot: String,
     /// Let the root link move freely, overriding the robot's files
     #[arg(long, conflicts_with = "fixed_base")]

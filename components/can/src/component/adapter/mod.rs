@@ -99,8 +99,9 @@ impl Component for CanAdapter {
                 ConfigError::key("drives", format!("the homing of `{joint}`: {message}")).advise(advice)
             );
         }
-        if !config.gravity.iter().all(|number| number.is_finite()) {
-            return Err(ConfigError::key("gravity", "expected finite numbers"));
+        if let Some(number) = config.gravity.into_iter().find(|number| !(-1000.0..=1000.0).contains(number)) {
+            let message = format!("{number}, expected from -1000 to 1000 m/s2");
+            return Err(ConfigError::key("gravity", message));
         }
         check_homing_loads(config, &equipped, declare)?;
         let is_real = interfaces::are_real(&equipped.table, declare.clock())?;

@@ -4,6 +4,7 @@ use motorium::prelude::*;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
+use crate::component::doubts::check_gravity;
 use crate::component::robot::Mount;
 use crate::estimation::{FilterNoise, StartDeviations};
 
@@ -104,8 +105,7 @@ impl BaseEstimatorConfig {
             ("start_deviations.accelerometer_bias", start.accelerometer_bias),
         ];
         if let Some((key, value)) = numbers.iter().find(|(_, value)| !(0.0..=1e6).contains(value)) {
-            let message = format!("{key} = {value}: expected a number from 0 to 1e6");
-            return Err(ConfigError::key(*key, message));
+            return Err(ConfigError::key(*key, format!("{value}, expected a number from 0 to 1e6")));
         }
         if self.encoder_noise == 0.0 && foot == 0.0 {
             return Err(ConfigError::key(
@@ -114,8 +114,9 @@ impl BaseEstimatorConfig {
             )
             .advise("set `noise.foot` or `encoder_noise` to a standard deviation above 0"));
         }
-        if !self.gravity.iter().all(|number| number.is_finite()) || self.gravity == [0.0; 3] {
-            return Err(ConfigError::key("gravity", "expected finite numbers that are not all zero"));
+        check_gravity(self.gravity)?;
+        if self.gravity == [0.0; 3] {
+            return Err(ConfigError::key("gravity", "expected numbers that are not all zero"));
         }
         let start = self.start.iter().flat_map(|start| start.position.iter().chain([&start.yaw]));
         if !start.into_iter().all(|number| number.is_finite()) {

@@ -3,6 +3,7 @@
 use motorium::prelude::*;
 use motorium::state::Altitude;
 
+use super::super::doubts::Plausible;
 use super::super::readings::refused;
 use super::{Mount, PlaceMotion, PlaceSensor};
 use crate::channel::{Channel, ErrorModel};
@@ -55,6 +56,11 @@ impl PlaceSensor for Altimeter {
             height: Channel::new("height", &draw.errors(&config.height), 1, seed, 0).map_err(refused)?,
             rate: Channel::new("rate", &draw.errors(&config.rate), 1, seed, 1).map_err(refused)?,
         })
+    }
+
+    fn warn(config: &AltimeterConfig, declare: &mut Declare) {
+        Plausible::length(10_000.0).warn("reference", &[config.reference], declare);
+        Plausible::length(100.0).warn_of_errors("height", &config.height, declare);
     }
 
     fn read(&mut self, at: &PlaceMotion, dt: f64, values: &mut [f64]) {

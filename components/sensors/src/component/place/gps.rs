@@ -6,7 +6,9 @@ use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
+use super::super::doubts::Plausible;
 use super::super::readings::refused;
+use super::super::robot::warn_of_angles;
 use super::{Mount, PlaceMotion, PlaceSensor};
 use crate::channel::{Channel, ErrorModel};
 use crate::geodesy::{Geodetic, TangentPlane};
@@ -121,6 +123,13 @@ impl PlaceSensor for Gps {
             velocity: Channel::new("velocity", &velocity, 3, seed, 2).map_err(refused)?,
             deviations: [across, across, up, speed, speed, speed],
         })
+    }
+
+    fn warn(config: &GpsConfig, declare: &mut Declare) {
+        Plausible::length(100_000.0).warn("origin.altitude", &[config.origin.altitude], declare);
+        warn_of_angles("heading", &[config.heading], declare);
+        Plausible::length(100.0).warn_of_errors("horizontal", &config.horizontal, declare);
+        Plausible::length(100.0).warn_of_errors("vertical", &config.vertical, declare);
     }
 
     fn read(&mut self, at: &PlaceMotion, dt: f64, values: &mut [f64]) {

@@ -4,6 +4,7 @@ use motorium::prelude::*;
 use motorium::state::MagneticField;
 use nalgebra::Vector3;
 
+use super::super::doubts::rounded;
 use super::super::readings::refused;
 use super::{Mount, PlaceMotion, PlaceSensor};
 use crate::channel::{Channel, ErrorModel};
@@ -26,6 +27,13 @@ sensor_config! {
     /// Errors of the reading, T. Use the bias to model the magnetisation of the robot.
     errors: ErrorModel = ErrorModel::default();
 }
+
+/// Strongest plausible field \[T\]: more than ten times the earth's.
+const STRONGEST: f64 = 1e-3;
+/// Strength of the earth's field at its surface \[T\].
+const EARTH: core::ops::RangeInclusive<f64> = 2e-5..=7e-5;
+/// Other units of flux density, and their factors to tesla.
+const UNITS: [(&str, f64); 4] = [("gauss", 1e-4), ("uT", 1e-6), ("mG", 1e-7), ("nT", 1e-9)];
 
 /// `sensor.magnetometer`: measures the magnetic field at a point of a robot.
 pub struct Magnetometer {
@@ -51,6 +59,20 @@ impl PlaceSensor for Magnetometer {
         }
         let channel = Channel::new("errors", &draw.errors(&config.errors), 3, seed, 0).map_err(refused)?;
         Ok(Self { field: Vector3::from(config.field), channel })
+    }
+
+    fn warn(config: &MagnetometerConfig, declare: &mut Declare) {
+        let field = Vector3::from(config.field);
+        if field.norm() > STRONGEST {
+            let warning =
+                declare.warn(format!("{} T, expected at most {STRONGEST} T", rounded(field.norm())));
+            warning.key("field");
+            let earths = |(_, factor): &&(&str, f64)| EARTH.contains(&(field.norm() * factor));
+            if let Some((unit, factor)) = UNITS.iter().find(earths) {
+                let [x, y, z] = config.field.map(|number| rounded(number * factor));
+                warning.advise(format!("if it is in {unit}, write [{x:?}, {y:?}, {z:?}]"));
+            }
+        }
     }
 
     fn read(&mut self, at: &PlaceMotion, dt: f64, values: &mut [f64]) {

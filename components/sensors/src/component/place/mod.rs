@@ -39,6 +39,8 @@ pub trait PlaceSensor: Sized + 'static {
     /// # Errors
     /// A number is out of range.
     fn new(config: &Self::Config, seed: u64, draw: &SensorDraw) -> Result<Self, ConfigError>;
+    /// Warns of values that are probably in another unit. Default: no warnings.
+    fn warn(_: &Self::Config, _: &mut Declare) {}
     /// Computes a reading.
     fn read(&mut self, at: &PlaceMotion, dt: f64, values: &mut [f64]);
     /// Writes a reading into a message.
@@ -72,6 +74,7 @@ impl<S: PlaceSensor> Component for AtPlace<S> {
         S::new(config, 0, &common.declare_draws(declare)?)?;
         common.declare_readings(S::WIDTH, declare)?;
         TrueMotion::declare(S::mount(config), Needs::Place, declare)?;
+        S::warn(config, declare);
         declare.output::<S::Message>(S::PORT.0, S::PORT.1);
         Ok(())
     }

@@ -8,7 +8,7 @@ use nalgebra::{Isometry3, Point3, Unit, Vector3};
 
 use super::super::readings::refused;
 use super::super::robot::Mount;
-use super::{RangeSensor, RaysConfig, Seen};
+use super::{RangeSensor, RaysConfig, Seen, warn_of_lengths};
 use crate::channel::ErrorModel;
 use crate::pinhole::Pinhole;
 use crate::randomise::SensorDraw;
@@ -53,6 +53,10 @@ sensor_config! {
 impl RaysConfig for DepthCameraConfig {
     fn seen(&self) -> Seen<'_> {
         Seen { mount: &self.mount, world: &self.world, sees_robot: self.sees_robot }
+    }
+
+    fn warn(&self, declare: &mut Declare) {
+        warn_of_lengths(100.0, &[("most", self.most)], ("depth", &self.depth), declare);
     }
 }
 

@@ -7,7 +7,7 @@ use nalgebra::{Isometry3, Point3, Vector3};
 
 use super::super::readings::refused;
 use super::super::robot::Mount;
-use super::{RangeSensor, RaysConfig, Seen};
+use super::{RangeSensor, RaysConfig, Seen, warn_of_lengths};
 use crate::channel::{Channel, ErrorModel};
 use crate::randomise::SensorDraw;
 
@@ -45,6 +45,20 @@ sensor_config! {
 impl RaysConfig for HeightScanConfig {
     fn seen(&self) -> Seen<'_> {
         Seen { mount: &self.mount, world: &self.world, sees_robot: self.sees_robot }
+    }
+
+    fn warn(&self, declare: &mut Declare) {
+        warn_of_lengths(
+            100.0,
+            &[
+                ("size", self.size[0].max(self.size[1])),
+                ("spacing", self.spacing),
+                ("least", self.least),
+                ("most", self.most),
+            ],
+            ("height", &self.height),
+            declare,
+        );
     }
 }
 

@@ -10,7 +10,7 @@ use nalgebra::{Isometry3, Point3, Unit, Vector3};
 
 use super::super::readings::refused;
 use super::super::robot::Mount;
-use super::{RangeSensor, RaysConfig, Seen};
+use super::{RangeSensor, RaysConfig, Seen, warn_of_lengths};
 use crate::channel::ErrorModel;
 use crate::randomise::SensorDraw;
 use crate::ranging::{RangeModel, RangeSettings, azimuths, direction};
@@ -56,6 +56,10 @@ sensor_config! {
 impl RaysConfig for LidarConfig {
     fn seen(&self) -> Seen<'_> {
         Seen { mount: &self.mount, world: &self.world, sees_robot: self.sees_robot }
+    }
+
+    fn warn(&self, declare: &mut Declare) {
+        warn_of_lengths(1000.0, &[("most", self.most)], ("distance", &self.distance), declare);
     }
 }
 
@@ -170,11 +174,13 @@ impl RangeSensor for Lidar {
             let message = format!(
                 "{field_of_view} rad is out of range, expected an angle above 0, up to a full circle of {TAU:.6} rad"
             );
-            return Err(ConfigError::key("field_of_view", message));
+            let advice = format!("if it is in degrees, write {:.4}", field_of_view.to_radians());
+            return Err(ConfigError::key("field_of_view", message).advise(advice));
         }
         if let Some(wrong) = elevations.iter().find(|angle| !(-FRAC_PI_2..=FRAC_PI_2).contains(*angle)) {
             let message = format!("{wrong} rad is out of range, expected angles from -pi/2 to pi/2 rad");
-            return Err(ConfigError::key("elevations", message));
+            let advice = format!("if they are in degrees, write {:.4} for it", wrong.to_radians());
+            return Err(ConfigError::key("elevations", message).advise(advice));
         }
         let count = rays.saturating_mul(elevations.len());
         if !(1..=MAX_RANGES).contains(&count) {

@@ -17,6 +17,8 @@ use schemars::JsonSchema;
 
 use super::config::SensorConfig;
 use super::delivery::Delivery;
+use super::doubts::Plausible;
+use crate::channel::ErrorModel;
 use crate::randomise::SensorDraw;
 use crate::rendering::Looks;
 
@@ -32,6 +34,17 @@ use view::{Look, View};
 pub trait RaysConfig: SensorConfig {
     /// Returns the mount of the sensor and the world seen by the sensor.
     fn seen(&self) -> Seen<'_>;
+    /// Warns of values that are probably in another unit. Default: no warnings.
+    fn warn(&self, _: &mut Declare) {}
+}
+
+/// Warns of distances of a sensor above `most` \[m\], which are probably in millimetres. `errors` is the key
+/// of its error model, and the model.
+fn warn_of_lengths(most: f64, distances: &[(&str, f64)], errors: (&str, &ErrorModel), declare: &mut Declare) {
+    /// Largest plausible error of a distance \[m\].
+    const LARGEST_ERROR: f64 = 1.0;
+    distances.iter().for_each(|(key, value)| Plausible::length(most).warn(key, &[*value], declare));
+    Plausible::length(LARGEST_ERROR).warn_of_errors(errors.0, errors.1, declare);
 }
 
 /// A ray-casting sensor.
@@ -97,6 +110,7 @@ impl<S: RangeSensor> Component for AlongRays<S> {
         let sensor = S::new(config, 0, &common.declare_draws(declare)?)?;
         common.declare_readings(sensor.width(), declare)?;
         View::declare(config.seen(), declare)?;
+        config.warn(declare);
         sensor.declare(declare);
         Ok(())
     }

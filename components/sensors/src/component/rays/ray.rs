@@ -7,7 +7,7 @@ use nalgebra::Isometry3;
 
 use super::super::robot::Mount;
 use super::lidar::Fan;
-use super::{RangeSensor, RaysConfig, Seen};
+use super::{RangeSensor, RaysConfig, Seen, warn_of_lengths};
 use crate::channel::ErrorModel;
 use crate::randomise::SensorDraw;
 use crate::ranging::RangeSettings;
@@ -42,6 +42,10 @@ sensor_config! {
 impl RaysConfig for RayConfig {
     fn seen(&self) -> Seen<'_> {
         Seen { mount: &self.mount, world: &self.world, sees_robot: self.sees_robot }
+    }
+
+    fn warn(&self, declare: &mut Declare) {
+        warn_of_lengths(1000.0, &[("most", self.most)], ("distance", &self.distance), declare);
     }
 }
 

@@ -27,7 +27,9 @@ use shown::Shown;
 use super::super::samples::SampleArgs;
 use super::plot;
 use crate::out::{errln, out, outln};
+use crate::output::{Overwrite, check_format, make_folder};
 use crate::style;
+use crate::values::up_to;
 
 /// Fit a movement primitive to recordings of one movement: CSV, JSON, JSON lines or MCAP.
 ///
@@ -55,7 +57,7 @@ pub(super) struct Fit {
     variant: Option<VariantArg>,
     /// Number of kernels or basis functions (30) or of Gaussians of a kernelised primitive, or polynomial
     /// degree (5)
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = up_to(MOST_KERNELS))]
     kernels: Option<usize>,
     /// Method of regression [default: ridge (of a distribution: by EM)]
     #[arg(long, value_enum, hide_possible_values = true, value_name = "ridge|locally-weighted|response")]
@@ -83,11 +85,15 @@ pub(super) struct Fit {
     /// Draw recordings and primitive
     #[arg(long, value_name = "FILE.svg")]
     plot: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: Overwrite,
     /// Print the report as JSON
     #[arg(long)]
     json: bool,
 }
 
+/// Maximum number of kernels: the regression stores the square of their number.
+const MOST_KERNELS: u64 = 2000;
 /// Penalty of ridge and response regression.
 const PENALTY: f64 = 1e-12;
 /// Default number of kernels per dimension.
@@ -129,6 +135,8 @@ enum ScalingArg {
 impl Fit {
     pub(super) fn run(self) -> anyhow::Result<ExitCode> {
         self.check()?;
+        self.overwrite.check(&self.files, self.output.iter().chain(&self.plot))?;
+        self.plot.iter().try_for_each(|plot| check_format(plot, &["svg"]))?;
         let shown = self.read()?;
         let file = match self.model {
             Model::Discrete => self.discrete(&shown)?,
@@ -140,6 +148,7 @@ impl Fit {
         let reproduced = reproduce(&file, &shown.demonstrations)
             .context("the primitive does not reproduce its demonstrations")?;
         if let Some(path) = &self.output {
+            make_folder(path)?;
             file.write(path)?;
         }
         if let Some(path) = &self.plot {

@@ -7,6 +7,7 @@ use motorium_primitives::rollout::Trajectory;
 use serde::Serialize;
 
 use super::shown::Shown;
+use crate::output::serialize_path;
 use crate::report::table;
 use crate::style;
 
@@ -19,7 +20,9 @@ pub(super) struct Report {
     dimensions: Vec<Dimension>,
     /// Root mean square over all dimensions.
     rms_error: f64,
+    #[serde(serialize_with = "serialize_path")]
     output: Option<PathBuf>,
+    #[serde(serialize_with = "serialize_path")]
     plot: Option<PathBuf>,
 }
 

@@ -72,7 +72,7 @@ impl Eval {
             Ok(robot) => robot,
             Err(code) => return Ok(code),
         };
-        let states = self.states(&robot, &document)?;
+        let states = self.states(&robot, &document).with_context(|| states.display().to_string())?;
         let answer = answer::answer(&robot.model, &states)?;
         if self.json {
             outln!("{}", serde_json::to_string(&answer)?);
