@@ -2,6 +2,12 @@
 
 use crate::{FrameId, Loaded, Model, Profile, UnknownFrame};
 
+/// Minimum number of chains of joints at the palm of a hand.
+const FINGERS: usize = 3;
+/// Minimum number of joints between the base and a palm: more than between a pelvis and the chest of a
+/// humanoid, which also carries several chains.
+const ARM_JOINTS: usize = 4;
+
 /// The frame to control cannot be determined.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum EndEffectorError {
@@ -95,7 +101,7 @@ impl Model {
     }
 
     /// Returns the tip of the robot: a frame of the last body in the longest chain of joints, not counting
-    /// fingers. If this body has several frames, the tip is the last of them, which is usually the tool.
+    /// fingers, which a name or a palm with three of them identifies. If this body has several frames, the tip is the last of them, which is usually the tool.
     /// `None` if no joint moves any frame.
     ///
     /// ```
@@ -116,8 +122,18 @@ impl Model {
         // chains is used.
         let parent = self.bodies()[first].parent;
         let fingers = ends.clone().next().is_some() && ends.all(|body| self.bodies()[body].parent == parent);
-        let body = self.before_fingers(parent.filter(|_| fingers).unwrap_or(first));
+        let end = parent.filter(|_| fingers).unwrap_or(first);
+        let body = self.palm_before(end).unwrap_or_else(|| self.before_fingers(end));
         self.frames().iter().rposition(|frame| frame.body == Some(body)).map(FrameId)
+    }
+
+    /// Returns the palm of the hand to which `body` belongs: the nearest body towards the base that carries at
+    /// least [`FINGERS`] chains of joints, and is itself at the end of an arm.
+    fn palm_before(&self, body: usize) -> Option<usize> {
+        let towards_base =
+            |from: usize| std::iter::successors(Some(from), |&body| self.bodies()[body].parent);
+        let carried = |palm: usize| self.bodies().iter().filter(|other| other.parent == Some(palm)).count();
+        towards_base(body).find(|&palm| carried(palm) >= FINGERS && towards_base(palm).count() >= ARM_JOINTS)
     }
 
     /// Returns the nearest body towards the base, or `body` itself, that is not moved by a finger's joint.

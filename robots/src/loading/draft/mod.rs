@@ -16,7 +16,7 @@ use drives::{gains, is_passive, limits};
 use home::draft_home;
 use limbs::{Limb, Limbs};
 use stance::{Contact, Stance, stand};
-use text::{key, numbers, quoted, rounded, strings};
+use text::{key, micrometres, numbers, quoted, rounded, strings};
 use wheels::Wheels;
 
 use crate::model::configuration::with_joints;
@@ -30,7 +30,8 @@ use crate::{BaseMode, BasePose, Kinematics, Loaded, Model};
 ///
 /// A robot with at least two feet stands at home with a floating base if a standing posture is found, unless
 /// `base` is [`Fixed`](BaseMode::Fixed). The text states the reason. A pair of wheels on one axle becomes the
-/// `[mobile_base]`, as a comment if the base is fixed.
+/// `[mobile_base]`, and other links that reach the ground feet without friction, as a comment if the base is
+/// fixed.
 ///
 /// ```
 /// # use std::path::Path;
@@ -89,12 +90,13 @@ pub fn draft_profile(robot: &Loaded, base: BaseMode) -> String {
         }
     }
     text += &ends(model, &limbs);
-    if let Some(wheels) = Wheels::find(model).filter(|_| stance.is_none()) {
+    let wheels = Wheels::find(model).filter(|_| stance.is_none());
+    if let Some(wheels) = &wheels {
         text += &wheels.text(model);
     }
     let holding = stance.as_ref().map(|stance| stance.effort.as_slice());
-    text += &limits(model, &home, holding);
-    text += &gains(model, &home, holding);
+    text += &limits(model, &home, holding, wheels.as_ref());
+    text += &gains(model, &home, holding, wheels.as_ref());
     text
 }
 
@@ -150,8 +152,7 @@ fn poses(robot: &Loaded, home: &DVector<f64>, moves_freely: bool, stance: Option
 
 fn base_pose(key: &str, pose: &Isometry3<f64>) -> String {
     let BasePose { position, rpy } = BasePose::from_isometry(pose);
-    let list =
-        |values: [f64; 3]| values.map(|value| format!("{:?}", (value * 1e6).round() / 1e6 + 0.0)).join(", ");
+    let list = |values: [f64; 3]| values.map(|value| format!("{:?}", micrometres(value))).join(", ");
     format!("{key} = {{ position = [{}], rpy = [{}] }}\n", list(position), list(rpy))
 }
 
