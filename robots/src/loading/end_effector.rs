@@ -101,8 +101,8 @@ impl Model {
     }
 
     /// Returns the tip of the robot: a frame of the last body in the longest chain of joints, not counting
-    /// fingers, which a name or a palm with three of them identifies. If this body has several frames, the tip is the last of them, which is usually the tool.
-    /// `None` if no joint moves any frame.
+    /// fingers, which a name or a palm with three of them identifies. If this body has several frames, the
+    /// tip is the last of them, which is usually the tool. `None` if no joint moves any frame.
     ///
     /// ```
     /// # use std::path::Path;
@@ -127,8 +127,8 @@ impl Model {
         self.frames().iter().rposition(|frame| frame.body == Some(body)).map(FrameId)
     }
 
-    /// Returns the palm of the hand to which `body` belongs: the nearest body towards the base that carries at
-    /// least [`FINGERS`] chains of joints, and is itself at the end of an arm.
+    /// Returns the palm of the hand to which `body` belongs: the nearest body towards the base that carries
+    /// at least [`FINGERS`] chains of joints, and is itself at the end of an arm.
     fn palm_before(&self, body: usize) -> Option<usize> {
         let towards_base =
             |from: usize| std::iter::successors(Some(from), |&body| self.bodies()[body].parent);

@@ -192,7 +192,10 @@ fn base_drives_on_its_drafted_wheels_and_casters() {
         (position - goal).abs()
     });
     assert!(error.fold(0.0, f64::max) < 5e-3, "{base}");
-    assert_eq!(report["results"]["policy"]["goals_reached"], 2, "{report}");
+    let policy = &report["results"]["policy"];
+    assert_eq!(policy["goals_reached"], 2, "{report}");
+    // a caster with friction pulls the base 60 um off its line
+    assert!(policy["path_error_m"].as_f64().is_some_and(|error| error < 1e-5), "{policy}");
 }
 
 #[test]

@@ -25,8 +25,8 @@ const SHORTEST_RISE: f64 = 0.1;
 /// Fraction of the effort remaining beyond the weight that may accelerate the joint.
 const ACCELERATING_PART: f64 = 0.5;
 
-/// Drafts the limits; `holding` contains the efforts that hold the robot at home. Each of the `wheels` moves a
-/// share of the robot.
+/// Drafts the limits; `holding` contains the efforts that hold the robot at home. Each of the `wheels` moves
+/// a share of the robot.
 pub(super) fn limits(
     model: &Model,
     home: &DVector<f64>,
