@@ -9,7 +9,9 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use crate::golden::Golden;
-use motorium_robots::{BaseMode, LoadError, LoadOptions, Loaded, MimicMode, load, load_with};
+use motorium_robots::{
+    BaseMode, LoadError, LoadOptions, Loaded, MimicMode, Profile, draft_profile, load, load_with,
+};
 
 const ROBOTS: &str = "cmeel.prefix/share/example-robot-data/robots";
 
@@ -98,6 +100,25 @@ fn icub_with_an_axis_near_minus_z_matches_pinocchio() {
 #[test]
 fn tiago_with_its_impossible_inertias_agrees_with_pinocchio() {
     agrees("tiago", "tiago_description/robots/tiago.urdf", BaseMode::AsFile);
+}
+
+#[test]
+fn tiago_drafts_its_wheels_casters_and_palm() {
+    let Some(robots) = robots() else { return };
+    let tiago = load("tiago_description/robots/tiago.urdf", &robots).unwrap();
+    let text = draft_profile(&tiago, BaseMode::AsFile);
+    println!("{text}");
+    for side in ["front_right", "front_left", "back_right", "back_left"] {
+        let link = format!("caster_{side}_2_link");
+        let caster = format!("# [feet.{link}]\n# frame = \"{link}\"\n# radius = 0.025\n# friction = 0.0\n");
+        assert!(text.contains(&caster), "{link}");
+    }
+    assert_eq!(text.matches("# [feet.").count(), 4);
+    assert!(text.contains("# home = { position = [0.0, 0.0, 0.0], rpy = [0.0, 0.0, 0.0] }\n"));
+    let profile = Profile::parse(&text).unwrap();
+    let tool = &profile.end_effectors["tool"];
+    // torso and arm, before the 36 joints of the hand
+    assert_eq!((tool.joints.len(), tool.fingers.len()), (8, 36), "{tool:?}");
 }
 
 #[test]

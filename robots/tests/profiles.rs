@@ -206,30 +206,89 @@ fn legged_robots_stand_in_their_drafted_home() {
     }
 }
 
-#[test]
-fn first_profile_finds_the_wheels_of_a_base() {
-    let own = profile("differential-drive").mobile_base.unwrap();
-    let (_, _, text) = drafted("differential-drive");
+/// Returns the first profile of a base on wheels with its commented tables uncommented.
+fn uncommented(text: &str) -> Profile {
     let (before, table) = text.split_once("\n# [mobile_base]\n").expect("the wheels, as a comment");
     let (table, gains) = table.split_once("\n\n").unwrap();
-    let table: String = table.lines().map(|line| line.trim_start_matches('#').to_owned() + "\n").collect();
+    let table: String = table.lines().map(|line| line[1..].to_owned() + "\n").collect();
     let text = format!("base = \"floating\"\n{before}\n[mobile_base]\n{table}\n{gains}");
-    let found = Profile::parse(&text).unwrap_or_else(|error| panic!("{error}\n{text}"));
+    Profile::parse(&text).unwrap_or_else(|error| panic!("{error}\n{text}"))
+}
+
+#[test]
+fn first_profile_finds_wheels_and_casters_of_a_base() {
+    let own = profile("differential-drive");
+    let (_, _, text) = drafted("differential-drive");
+    let found = uncommented(&text);
     let options =
         LoadOptions { base: BaseMode::Floating, profile: ProfileChoice::Without, ..LoadOptions::default() };
-    let model = load_with("differential-drive", Path::new("."), &options).unwrap().model;
-    found.check(&model).unwrap();
-    let base = found.mobile_base.unwrap();
-    assert_eq!((base.drive, &base.frame, &base.wheels), (own.drive, &own.frame, &own.wheels));
-    assert_relative_eq!(base.wheel_radius.unwrap(), own.wheel_radius.unwrap(), epsilon = 1e-6);
-    assert_relative_eq!(base.track.unwrap(), own.track.unwrap(), epsilon = 1e-6);
-    assert_relative_eq!(found.base_poses["home"].position[2], 0.033, epsilon = 1e-6);
+    let robot = load_with("differential-drive", Path::new("."), &options).unwrap();
+    found.check(&robot.model).unwrap();
+    // a base that floats in its file needs no comment
+    let floating = Profile::parse(&draft_profile(&robot, BaseMode::Floating)).unwrap();
+    for drafted in [found, floating] {
+        let (base, own_base) = (drafted.mobile_base.as_ref().unwrap(), own.mobile_base.as_ref().unwrap());
+        assert_eq!(
+            (base.drive, &base.frame, &base.wheels),
+            (own_base.drive, &own_base.frame, &own_base.wheels)
+        );
+        assert_relative_eq!(base.wheel_radius.unwrap(), own_base.wheel_radius.unwrap(), epsilon = 1e-6);
+        assert_relative_eq!(base.track.unwrap(), own_base.track.unwrap(), epsilon = 1e-6);
+        assert_relative_eq!(drafted.base_poses["home"].position[2], 0.033, epsilon = 1e-6);
+        assert_eq!((drafted.feet.len(), &drafted.feet["caster"]), (1, &own.feet["caster"]), "{text}");
+    }
+    assert!(text.contains("# # Other links that reach the ground: casters"), "{text}");
+    // 1 kg on two wheels of 33 mm: critical damping of its share, not of the light wheel
+    let gains = drafted("differential-drive").1.gains(&robot.model).unwrap();
+    assert_relative_eq!(
+        gains.kd[0],
+        2.0 * (gains.kp[0] * 0.5 * 0.033_f64.powi(2)).sqrt(),
+        max_relative = 0.1
+    );
+    assert!(!text.contains("-0.0,") && !text.contains("-0.0]"), "{text}");
+}
+
+/// A caster of two joints: its fork ends above the ground, its wheel on it.
+#[test]
+fn drafted_casters_are_the_links_at_the_ground() {
+    let folder = tempfile::tempdir().unwrap();
+    let urdf = catalogue().iter().find(|entry| entry.name == "differential-drive").unwrap().urdf;
+    let ball = |link: &str| {
+        format!(
+            "<link name=\"{link}\"><inertial><mass value=\"0.01\"/>\
+             <inertia ixx=\"1e-6\" iyy=\"1e-6\" izz=\"1e-6\" ixy=\"0\" ixz=\"0\" iyz=\"0\"/></inertial>\
+             <collision><geometry><sphere radius=\"0.01\"/></geometry></collision></link>"
+        )
+    };
+    let joint = |name: &str, parent: &str, child: &str, xyz: &str, axis: &str| {
+        format!(
+            "<joint name=\"{name}\" type=\"continuous\"><parent link=\"{parent}\"/><child link=\"{child}\"/>\
+             <origin xyz=\"{xyz}\"/><axis xyz=\"{axis}\"/></joint>"
+        )
+    };
+    let more = [
+        ball("fork"),
+        ball("roller"),
+        joint("swivel", "base", "fork", "0.07 0 -0.005", "0 0 1"),
+        joint("roll", "fork", "roller", "-0.01 0 -0.018", "0 1 0"),
+        "</robot>".into(),
+    ];
+    let file = folder.path().join("rover.urdf");
+    std::fs::write(&file, urdf.replace("</robot>", &more.concat())).unwrap();
+    let profile = uncommented(&drafted(file.to_str().unwrap()).2);
+    let feet: Vec<&str> = profile.feet.keys().map(String::as_str).collect();
+    // the fork ends 18 mm above the ground
+    assert_eq!(feet, ["caster", "roller"]);
+    let roller = &profile.feet["roller"];
+    assert_eq!((&roller.joints[..], roller.friction), (&["swivel".into(), "roll".into()][..], Some(0.0)));
+    assert_relative_eq!(roller.radius.unwrap(), 0.01, epsilon = 1e-6);
 }
 
 #[test]
 fn first_profile_of_an_arm_or_a_walker_has_no_wheels() {
     for name in ["panda", "quadruped", "humanoid", "rrbot", "cart-pole"] {
-        assert!(!drafted(name).2.contains("mobile_base"), "{name}");
+        let text = drafted(name).2;
+        assert!(!text.contains("mobile_base") && !text.contains("caster"), "{name}\n{text}");
     }
 }
 
@@ -321,6 +380,38 @@ fn first_tool_is_before_its_fingers() {
         "<robot name=\"arm\"><end_effector name=\"hand\" parent_link=\"jaw\" group=\"gripper\"/></robot>";
     std::fs::write(folder.path().join("arm.srdf"), srdf).unwrap();
     check("hand");
+}
+
+/// An arm of four joints whose hand has three fingers of two joints each, named after no finger.
+#[test]
+fn drafted_tool_is_the_palm_of_a_hand_with_fingers() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("hand.urdf");
+    let link = |name: &str| {
+        format!(
+            "<link name=\"{name}\"><inertial><origin xyz=\"0.1 0 0\"/><mass value=\"0.1\"/>\
+             <inertia ixx=\"1e-3\" iyy=\"1e-3\" izz=\"1e-3\" ixy=\"0\" ixz=\"0\" iyz=\"0\"/></inertial></link>"
+        )
+    };
+    let joint = |parent: &str, child: &str, axis: &str| {
+        format!(
+            "<joint name=\"to_{child}\" type=\"revolute\"><parent link=\"{parent}\"/><child link=\"{child}\"/>\
+             <origin xyz=\"0.2 0 0\"/><axis xyz=\"{axis}\"/>\
+             <limit lower=\"-1.6\" upper=\"1.6\" velocity=\"2\" effort=\"20\"/></joint>"
+        )
+    };
+    let mut text = "<robot name=\"hand\"><link name=\"root\"/>".to_owned();
+    let arm = [("root", "a"), ("a", "b"), ("b", "c"), ("c", "palm")];
+    for ((parent, child), axis) in arm.into_iter().zip(["0 0 1", "0 1 0", "0 1 0", "1 0 0"]) {
+        text += &(link(child) + &joint(parent, child, axis));
+    }
+    for (one, two) in [("i1", "i2"), ("m1", "m2"), ("r1", "r2")] {
+        text += &(link(one) + &joint("palm", one, "0 1 0") + &link(two) + &joint(one, two, "0 1 0"));
+    }
+    std::fs::write(&file, text + "</robot>").unwrap();
+    let (_, profile, text) = drafted(file.to_str().unwrap());
+    let tool = &profile.end_effectors["tool"];
+    assert_eq!((tool.frame.as_str(), tool.joints.len(), tool.fingers.len()), ("palm", 4, 6), "{text}");
 }
 
 /// Two links whose root drive cannot hold them stretched out.

@@ -22,6 +22,7 @@ mod gaits;
 mod gotos;
 mod gravity;
 mod hangs;
+mod installed;
 mod latches;
 mod looking_on;
 mod moves;

@@ -2,6 +2,12 @@
 
 use crate::{FrameId, Loaded, Model, Profile, UnknownFrame};
 
+/// Minimum number of chains of joints at the palm of a hand.
+const FINGERS: usize = 3;
+/// Minimum number of joints between the base and a palm. The chest of a humanoid also carries several chains,
+/// but has fewer joints between it and the pelvis.
+const ARM_JOINTS: usize = 4;
+
 /// Error of determining the frame to control.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum EndEffectorError {
@@ -95,8 +101,9 @@ impl Model {
     }
 
     /// Returns the tip of the robot: a frame of the last body in the longest chain of joints, not counting
-    /// fingers. If this body has several frames, the tip is the last frame, which is usually the tool.
-    /// Returns `None` if no joint moves any frame.
+    /// fingers. Fingers are identified by their name, or by a palm with at least three chains of joints. If
+    /// the body has several frames, the tip is the last frame, which is usually the tool. Returns `None` if
+    /// no joint moves any frame.
     ///
     /// ```
     /// # use std::path::Path;
@@ -116,8 +123,18 @@ impl Model {
         // chains is used.
         let parent = self.bodies()[first].parent;
         let fingers = ends.clone().next().is_some() && ends.all(|body| self.bodies()[body].parent == parent);
-        let body = self.before_fingers(parent.filter(|_| fingers).unwrap_or(first));
+        let end = parent.filter(|_| fingers).unwrap_or(first);
+        let body = self.palm_before(end).unwrap_or_else(|| self.before_fingers(end));
         self.frames().iter().rposition(|frame| frame.body == Some(body)).map(FrameId)
+    }
+
+    /// Returns the palm of the hand to which `body` belongs: the nearest body towards the base that carries
+    /// at least [`FINGERS`] chains of joints, and is itself at the end of an arm.
+    fn palm_before(&self, body: usize) -> Option<usize> {
+        let towards_base =
+            |from: usize| std::iter::successors(Some(from), |&body| self.bodies()[body].parent);
+        let carried = |palm: usize| self.bodies().iter().filter(|other| other.parent == Some(palm)).count();
+        towards_base(body).find(|&palm| carried(palm) >= FINGERS && towards_base(palm).count() >= ARM_JOINTS)
     }
 
     /// Returns the nearest body towards the base, or `body` itself, that is not moved by a finger's joint.

@@ -134,6 +134,83 @@ fn first_graph_stands_or_holds_and_reaches_a_pose() {
     }
 }
 
+/// Uncomments the tables of a base on wheels, and adds its floating base.
+fn uncomment_wheels(profile: &Path) {
+    let text = std::fs::read_to_string(profile).expect("readable");
+    let (head, rest) = text.split_once("\n# [mobile_base]\n").expect("wheels, as a comment");
+    let (table, tail) = rest.split_once("\n\n").expect("further tables");
+    let table: String = table.lines().map(|line| line[1..].to_owned() + "\n").collect();
+    let head = head.replacen("\njoints = ", "\nbase = \"floating\"\njoints = ", 1);
+    std::fs::write(profile, format!("{head}\n[mobile_base]\n{table}\n{tail}")).expect("written");
+}
+
+#[test]
+fn base_drives_on_its_drafted_wheels_and_casters() {
+    let folder = Folder::new("robots/catalogue/differential-drive/differential-drive.urdf");
+    std::fs::create_dir(folder.path("lab")).expect("a folder");
+    folder.profile();
+    uncomment_wheels(&folder.path("lab/first.toml"));
+    let graph = r#"
+        name = "drive"
+        clock = "lockstep"
+        duration = "12 s"
+
+        [world]
+        ground = { friction = 0.8 }
+
+        [robot.mine]
+        urdf = "my-robot.urdf"
+        profile = "lab/first.toml"
+
+        [component.physics]
+        kind = "physics.articulated"
+        robot = "mine"
+        rate = "500 Hz"
+        subscribe = { joint_command = "command" }
+        publish = { joint_state = "state", base_state = "base" }
+
+        [component.controller]
+        kind = "control.wheels"
+        robot = "mine"
+        trigger = "state"
+        subscribe = { joint_state = "state", target = "velocity" }
+        publish = { joint_command = "command", odometry = "odometry" }
+
+        [component.policy]
+        kind = "policy.waypoints"
+        robot = "mine"
+        trigger = "odometry"
+        subscribe = { odometry = "odometry", true_base = "base" }
+        publish = { target = "velocity" }
+        config = { goals = [{ position = [0.4, 0.0], yaw = 1.5708 }, { position = [0.4, 0.4], yaw = 3.1416 }] }
+    "#;
+    std::fs::write(folder.path("drive.toml"), graph).expect("written");
+    let report = json(&["run", &folder.text("drive.toml"), "--hosting", "inline", "--json"]);
+    let base = &report["results"]["physics"]["base_position"];
+    let error = [0.4, 0.4].iter().zip(0..).map(|(goal, axis): (&f64, usize)| {
+        let position = base[axis].as_f64().expect("a number");
+        (position - goal).abs()
+    });
+    assert!(error.fold(0.0, f64::max) < 5e-3, "{base}");
+    let policy = &report["results"]["policy"];
+    assert_eq!(policy["goals_reached"], 2, "{report}");
+    // a caster with friction pulls the base 60 um off its line
+    assert!(policy["path_error_m"].as_f64().is_some_and(|error| error < 1e-5), "{policy}");
+}
+
+#[test]
+fn first_graph_of_a_floating_base_on_wheels_does_not_stand() {
+    let folder = Folder::new("robots/catalogue/differential-drive/differential-drive.urdf");
+    let (file, profile, graph) =
+        (folder.text("my-robot.urdf"), folder.text("first.toml"), folder.text("reach.toml"));
+    let arguments = ["robot", "profile", &file, "--floating-base", "--output", &profile, "--graph", &graph];
+    printed(&arguments);
+    let text = std::fs::read_to_string(folder.path("first.toml")).expect("readable");
+    assert!(text.contains("\n[feet.caster]\n") && !text.contains("-0.0"), "{text}");
+    let graph = std::fs::read_to_string(&graph).expect("readable");
+    assert!(graph.contains("policy.trajectory") && !graph.contains("control.qp"), "{graph}");
+}
+
 #[test]
 fn first_profile_has_a_tip_and_a_bent_arm() {
     let text = printed(&["robot", "profile", "ur5e"]);

@@ -3,6 +3,7 @@
 use nalgebra::{DMatrix, DVector, Vector3};
 
 use super::text::{numbers, rounded};
+use super::wheels::Wheels;
 use crate::model::configuration::with_joints;
 use crate::{Dynamics, JointKind, Model};
 
@@ -24,11 +25,17 @@ const SHORTEST_RISE: f64 = 0.1;
 /// Fraction of the effort remaining beyond the weight that may accelerate the joint.
 const ACCELERATING_PART: f64 = 0.5;
 
-/// Drafts the limits; `holding` contains the efforts that hold the robot at home.
-pub(super) fn limits(model: &Model, home: &DVector<f64>, holding: Option<&[f64]>) -> String {
+/// Drafts the limits; `holding` contains the efforts that hold the robot at home. Each of the `wheels` moves
+/// a share of the robot.
+pub(super) fn limits(
+    model: &Model,
+    home: &DVector<f64>,
+    holding: Option<&[f64]>,
+    wheels: Option<&Wheels>,
+) -> String {
     let joints = 0..model.joint_count();
     let velocity: Vec<f64> = joints.clone().map(|index| speed(model, index)).collect();
-    let at = Weights::at_home(model, home, holding);
+    let at = Weights::at_home(model, home, holding).on_wheels(model, wheels);
     let acceleration = joints.map(|index| {
         let effort = model.effort_limit()[index];
         let left = effort - at.holding[index].abs();
@@ -44,9 +51,14 @@ pub(super) fn limits(model: &Model, home: &DVector<f64>, holding: Option<&[f64]>
     text + &numbers("acceleration", acceleration)
 }
 
-/// Drafts the gains, with `holding` as in [`limits`].
-pub(super) fn gains(model: &Model, home: &DVector<f64>, holding: Option<&[f64]>) -> String {
-    let at = Weights::at_home(model, home, holding);
+/// Drafts the gains, with `holding` and `wheels` as in [`limits`].
+pub(super) fn gains(
+    model: &Model,
+    home: &DVector<f64>,
+    holding: Option<&[f64]>,
+    wheels: Option<&Wheels>,
+) -> String {
+    let at = Weights::at_home(model, home, holding).on_wheels(model, wheels);
     let pairs: Vec<(f64, f64)> = (0..model.joint_count())
         .map(|index| {
             if is_passive(model, index) {
@@ -70,7 +82,7 @@ pub(super) fn gains(model: &Model, home: &DVector<f64>, holding: Option<&[f64]>)
             (kp, rounded(critical.min(2.0 * free * HIGHEST_FREQUENCY)))
         })
         .collect();
-    let mut text = "\n# Stiffness, N m/rad or N/m: the full effort at a deflection of 0.2 rad or 20 mm, less for a small inertia,\n# but enough to overcome the friction of the joint within half of a tolerance of 0.01 rad or m.\n# Damping, N m s/rad or N s/m: critical for the inertia at home.\n[gains]\n".to_string();
+    let mut text = "\n# Stiffness, N m/rad or N/m: the full effort at a deflection of 0.2 rad or 20 mm, less for a small inertia,\n# but enough to overcome the friction of the joint within half of a tolerance of 0.01 rad or m.\n# Damping, N m s/rad or N s/m: critical for the inertia at home, of a driven wheel with its\n# share of the robot's mass.\n[gains]\n".to_string();
     text += &numbers("kp", pairs.iter().map(|pair| pair.0));
     text + &numbers("kd", pairs.iter().map(|pair| pair.1))
 }
@@ -107,6 +119,15 @@ impl Weights {
             .collect();
         let holding = holding.map_or_else(|| gravity[first..].to_vec(), <[f64]>::to_vec);
         Self { inertia, free_inertia, holding }
+    }
+
+    /// Adds a share of the robot's mass to the inertia of each wheel that rolls on the ground.
+    fn on_wheels(mut self, model: &Model, wheels: Option<&Wheels>) -> Self {
+        for (joint, inertia) in wheels.iter().flat_map(|wheels| wheels.carried(model)) {
+            self.inertia[joint] += inertia;
+            self.free_inertia[joint] += inertia;
+        }
+        self
     }
 }
 

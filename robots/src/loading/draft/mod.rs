@@ -16,7 +16,7 @@ use drives::{gains, is_passive, limits};
 use home::draft_home;
 use limbs::{Limb, Limbs};
 use stance::{Contact, Stance, stand};
-use text::{key, numbers, quoted, rounded, strings};
+use text::{key, micrometres, numbers, quoted, rounded, strings};
 use wheels::Wheels;
 
 use crate::model::configuration::with_joints;
@@ -32,7 +32,8 @@ use crate::{BaseMode, BasePose, Kinematics, Loaded, Model};
 /// For a robot with at least two feet, the function searches for a standing posture. If it finds one, the
 /// profile has a floating base, and the home pose is this posture. With [`Fixed`](BaseMode::Fixed), the base
 /// is fixed even if there is a standing posture. A comment in the text states the reason for the choice. A
-/// pair of wheels on one axle becomes the table `[mobile_base]`, commented out if the base is fixed.
+/// pair of wheels on one axle becomes the table `[mobile_base]`, and other links that reach the ground become
+/// feet without friction; both are commented out if the base is fixed.
 ///
 /// ```
 /// # use std::path::Path;
@@ -91,12 +92,13 @@ pub fn draft_profile(robot: &Loaded, base: BaseMode) -> String {
         }
     }
     text += &ends(model, &limbs);
-    if let Some(wheels) = Wheels::find(model).filter(|_| stance.is_none()) {
+    let wheels = Wheels::find(model).filter(|_| stance.is_none());
+    if let Some(wheels) = &wheels {
         text += &wheels.text(model);
     }
     let holding = stance.as_ref().map(|stance| stance.effort.as_slice());
-    text += &limits(model, &home, holding);
-    text += &gains(model, &home, holding);
+    text += &limits(model, &home, holding, wheels.as_ref());
+    text += &gains(model, &home, holding, wheels.as_ref());
     text
 }
 
@@ -152,8 +154,7 @@ fn poses(robot: &Loaded, home: &DVector<f64>, moves_freely: bool, stance: Option
 
 fn base_pose(key: &str, pose: &Isometry3<f64>) -> String {
     let BasePose { position, rpy } = BasePose::from_isometry(pose);
-    let list =
-        |values: [f64; 3]| values.map(|value| format!("{:?}", (value * 1e6).round() / 1e6 + 0.0)).join(", ");
+    let list = |values: [f64; 3]| values.map(|value| format!("{:?}", micrometres(value))).join(", ");
     format!("{key} = {{ position = [{}], rpy = [{}] }}\n", list(position), list(rpy))
 }
 

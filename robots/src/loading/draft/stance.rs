@@ -529,35 +529,36 @@ fn symmetric_sides(pose: &Isometry3<f64>, patch: &[Point3<f64>]) -> [f64; 2] {
 }
 
 /// Returns the corners of the shapes of a body.
-pub(super) fn corners(solids: &CollisionModel, attachment: Attachment) -> Vec<Corner> {
+fn corners(solids: &CollisionModel, attachment: Attachment) -> Vec<Corner> {
     let own = (0..solids.solid_count()).filter(|&solid| solids.attachment(solid) == attachment);
-    let mut found: Vec<Corner> = Vec::new();
-    for solid in own {
-        let placement = solids.placement(solid);
-        let points: Vec<Corner> = match solids.convex_shape(solid) {
-            ConvexShape::Sphere { radius } => vec![(Point3::origin(), radius)],
-            ConvexShape::Box { half } => (0..8)
-                .map(|corner| {
-                    let sign = |bit: usize| if corner >> bit & 1 == 1 { 1.0 } else { -1.0 };
-                    (Point3::new(sign(0) * half.x, sign(1) * half.y, sign(2) * half.z), 0.0)
-                })
-                .collect(),
-            ConvexShape::Cylinder { radius, half_length } => (0..32)
-                .map(|corner| {
-                    let (sin, cos) = (f64::from(corner / 2) * core::f64::consts::TAU / 16.0).sin_cos();
-                    let end = if corner % 2 == 0 { half_length } else { -half_length };
-                    (Point3::new(radius * cos, radius * sin, end), 0.0)
-                })
-                .collect(),
-            ConvexShape::Capsule { radius, half_length } => {
-                [half_length, -half_length].map(|end| (Point3::new(0.0, 0.0, end), radius)).to_vec()
-            }
-            ConvexShape::Hull { points } => points.into_iter().map(|point| (point.into(), 0.0)).collect(),
-            ConvexShape::HalfSpace => Vec::new(),
-        };
-        found.extend(points.into_iter().map(|(point, radius)| (placement * point, radius)));
-    }
-    found
+    own.flat_map(|solid| solid_corners(solids, solid)).collect()
+}
+
+/// Returns the corners of a solid in the frame to which it is attached.
+pub(super) fn solid_corners(solids: &CollisionModel, solid: usize) -> Vec<Corner> {
+    let placement = solids.placement(solid);
+    let points: Vec<Corner> = match solids.convex_shape(solid) {
+        ConvexShape::Sphere { radius } => vec![(Point3::origin(), radius)],
+        ConvexShape::Box { half } => (0..8)
+            .map(|corner| {
+                let sign = |bit: usize| if corner >> bit & 1 == 1 { 1.0 } else { -1.0 };
+                (Point3::new(sign(0) * half.x, sign(1) * half.y, sign(2) * half.z), 0.0)
+            })
+            .collect(),
+        ConvexShape::Cylinder { radius, half_length } => (0..32)
+            .map(|corner| {
+                let (sin, cos) = (f64::from(corner / 2) * core::f64::consts::TAU / 16.0).sin_cos();
+                let end = if corner % 2 == 0 { half_length } else { -half_length };
+                (Point3::new(radius * cos, radius * sin, end), 0.0)
+            })
+            .collect(),
+        ConvexShape::Capsule { radius, half_length } => {
+            [half_length, -half_length].map(|end| (Point3::new(0.0, 0.0, end), radius)).to_vec()
+        }
+        ConvexShape::Hull { points } => points.into_iter().map(|point| (point.into(), 0.0)).collect(),
+        ConvexShape::HalfSpace => Vec::new(),
+    };
+    points.into_iter().map(|(point, radius)| (placement * point, radius)).collect()
 }
 
 fn middle(corners: &[Vector2<f64>]) -> Vector2<f64> {

@@ -10,6 +10,11 @@ pub(super) fn rounded(number: f64) -> f64 {
     format!("{number:.1e}").parse().unwrap_or(number)
 }
 
+/// Rounds a length in m to micrometres, or an angle in rad likewise; never to -0.
+pub(super) fn micrometres(number: f64) -> f64 {
+    (number * 1e6).round() / 1e6 + 0.0
+}
+
 pub(super) fn quoted(text: &str) -> String {
     toml::Value::from(text).to_string()
 }
@@ -29,7 +34,7 @@ pub(super) fn numbers(key: &str, values: impl Iterator<Item = f64>) -> String {
         key,
         values.map(|value| match value {
             value if value.is_infinite() => "inf".to_string(),
-            value => format!("{:?}", (value * 1e6).round() / 1e6 + 0.0),
+            value => format!("{:?}", micrometres(value)),
         }),
     )
 }

@@ -41,7 +41,11 @@ pub(super) fn first_graph(
     file: &Path,
 ) -> String {
     let floating = robot.model.base().floating;
-    let stands = floating && !profile.feet.is_empty() && profile.base_poses.contains_key(&profile.home);
+    // the feet of a base on wheels are casters
+    let stands = floating
+        && profile.mobile_base.is_none()
+        && !profile.feet.is_empty()
+        && profile.base_poses.contains_key(&profile.home);
     let task = if stands {
         "stands for 5 s, then lowers its base"
     } else {
@@ -172,8 +176,9 @@ fn tool_goal(model: &Model, profile: &Profile, end: &EndEffector) -> Option<(Str
                 && (&q - &home).amax() < LARGEST_MOTION
                 && !touch.is_touching(model, q.as_slice());
             if found {
-                let [x, y, z]: [f64; 3] = target.translation.vector.into();
+                let [x, y, z] = target.translation.vector.map(rounded).into();
                 let (roll, pitch, yaw) = target.rotation.euler_angles();
+                let [roll, pitch, yaw] = [roll, pitch, yaw].map(rounded);
                 let goal = format!(
                     "end_effector = {{ position = [{x:.5}, {y:.5}, {z:.5}], rpy = [{roll:.5}, {pitch:.5}, {yaw:.5}] }}"
                 );
@@ -182,6 +187,11 @@ fn tool_goal(model: &Model, profile: &Profile, end: &EndEffector) -> Option<(Str
         }
     }
     None
+}
+
+/// Rounds to five digits after the point, never to -0.
+fn rounded(number: f64) -> f64 {
+    (number * 1e5).round() / 1e5 + 0.0
 }
 
 /// Touching links, except those that touch at the home pose.
