@@ -48,6 +48,11 @@ const SWEEPS: usize = 200;
 /// Number of mode guesses before the fallback to relaxation. The first guess is nearly always confirmed.
 pub(super) const GUESSES: usize = 24;
 
+/// Number of further guesses with secants of the drives ([`ImplicitSolver::confirm_secants`]) in a step with
+/// contacts. The relaxation would keep the contact impulses of the last guess, which do not fit its
+/// velocities, and add energy.
+pub(super) const SECANT_GUESSES: usize = 200;
+
 impl ImplicitSolver {
     pub(super) fn new(model: &Model) -> Self {
         let n = model.nv();
@@ -147,6 +152,42 @@ impl ImplicitSolver {
             *mode = explained;
         }
         settled
+    }
+
+    /// Returns `true` if the end velocity `x` confirms the modes, up to a small error of the drive efforts.
+    /// Otherwise replaces each saturated drive by a viscous one with the same effort at `x`.
+    ///
+    /// The branches of drives that saturate against contacts may cycle. The potential of the viscous drive is
+    /// nowhere below the saturated drive's and touches it at `x`, so every guess lowers the convex objective
+    /// of the step, as in iteratively reweighted least squares.
+    pub(super) fn confirm_secants(&mut self, start: &Start<'_>, x: &mut [f64]) -> bool {
+        let mut settled = true;
+        for i in 0..x.len() {
+            let (laws, mode) = (&mut self.laws[i], self.modes[i]);
+            let mut missing = 0.0;
+            if let Some(velocity) = laws.fixed(&mode) {
+                x[i] = velocity;
+            }
+            let (constant, slope) = laws.force(&mode);
+            if laws.fixed(&mode).is_some() {
+                let outside = start.bias[i] - self.impulse[i] / start.h;
+                missing = inertial(start, x, i) / start.h + outside - (constant - slope * x[i]);
+            }
+            let mut next = Mode { drive: mode.drive, ..laws.explain(&mode, x[i], missing) };
+            settled &= next == mode;
+            settled &= laws.take_secant(&mut next.drive, x[i]);
+            self.modes[i] = next;
+        }
+        settled
+    }
+
+    /// Returns from secants of the drives to the branches of their laws at the end velocity `x`.
+    pub(super) fn leave_secants(&mut self, x: &[f64]) {
+        for ((laws, mode), x) in self.laws.iter().zip(&mut self.modes).zip(x) {
+            if mode.drive == Drive::Secant {
+                mode.drive = laws.drive_mode(Drive::Linear, *x);
+            }
+        }
     }
 
     /// Ends a step: computes the efforts of the drives (one per joint) at the end velocity `x`.

@@ -173,7 +173,7 @@ impl JointSpaceIntegrator {
         let mut settled = false;
         for _ in 0..GUESSES {
             self.find_free(model, (&*q, &*v), h)?;
-            settled = self.confirm(model, (&*q, &*v), h);
+            settled = self.confirm(model, (&*q, &*v), h, false);
             if settled {
                 break;
             }
@@ -307,11 +307,13 @@ impl JointSpaceIntegrator {
         self.solver.solve_modes(&start, self.v_next.as_mut_slice())
     }
 
-    /// Returns `true` if the end velocity confirms the modes; otherwise the next guess uses different ones.
-    pub(super) fn confirm(&mut self, model: &Model, (q, v): (&[f64], &[f64]), h: f64) -> bool {
+    /// Returns `true` if the end velocity confirms the modes; otherwise the next guess uses different ones,
+    /// with `secants` of the drives.
+    pub(super) fn confirm(&mut self, model: &Model, (q, v): (&[f64], &[f64]), h: f64, secants: bool) -> bool {
         let v = if self.midway { &self.v_middle } else { v };
         let start = Start { q: model.joints_of_q(q), v, h, mass: &self.mass, bias: self.bias.as_slice() };
-        self.solver.confirm(&start, self.v_next.as_mut_slice())
+        let x = self.v_next.as_mut_slice();
+        if secants { self.solver.confirm_secants(&start, x) } else { self.solver.confirm(&start, x) }
     }
 
     /// Ends a step: advances `q` and `v`, and writes the efforts of the drives. If no guess confirmed its
@@ -330,6 +332,7 @@ impl JointSpaceIntegrator {
         if !settled {
             self.solver.relax(&start, x);
         }
+        self.solver.leave_secants(x);
         let events = self.solver.finish(&start, x, tau);
         if self.midway {
             q.copy_from_slice(&self.q_middle);

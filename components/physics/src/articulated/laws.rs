@@ -14,6 +14,8 @@ pub(crate) struct Mode {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Drive {
     Linear,
+    /// Straight line through the zero of the drive law and its effort at the last end velocity.
+    Secant,
     /// Full effort forwards.
     High,
     /// Full effort backwards.
@@ -85,7 +87,12 @@ pub(crate) struct Laws {
     pub(super) fastest: f64,
     /// Range of `v+` that the acceleration limit allows.
     window: [f64; 2],
+    /// Effort of [`Drive::Secant`] as `constant - slope * v+`.
+    secant: (f64, f64),
 }
+
+/// Largest relative error of the effort of a drive on a secant.
+const SECANT_ERROR: f64 = 1e-3;
 
 /// Window of a joint without an acceleration limit.
 const NO_WINDOW: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
@@ -116,6 +123,7 @@ impl Laws {
         slowest: f64::NEG_INFINITY,
         fastest: f64::INFINITY,
         window: NO_WINDOW,
+        secant: (0.0, 0.0),
     };
 
     /// Creates the laws of a step of `h` from position `q`. The drive's effort is limited to `low` and
@@ -150,6 +158,7 @@ impl Laws {
             slowest: reach(joint.lower - q, q < joint.lower, h),
             fastest: reach(joint.upper - q, q > joint.upper, h),
             window: NO_WINDOW,
+            secant: (0.0, 0.0),
         }
     }
 
@@ -296,6 +305,7 @@ impl Laws {
     pub(crate) fn drive_force(&self, drive: Drive) -> (f64, f64) {
         match drive {
             Drive::Linear => (self.drive_0, self.drive_slope),
+            Drive::Secant => self.secant,
             Drive::High => (self.high, 0.0),
             Drive::Low => (self.low, 0.0),
             Drive::SlowForwards => (self.slowing_forwards(0.0), self.braking_slope),
@@ -316,6 +326,27 @@ impl Laws {
             Friction::Backwards => self.friction,
         };
         (drive + friction + self.spring, slope + self.damping)
+    }
+
+    /// Replaces the drive by the secant through its effort at end velocity `x`, if the law is zero at some
+    /// velocity within the limits. Returns `true` if the effort that `drive` gives at `x` is the law's,
+    /// apart from a relative error of [`SECANT_ERROR`].
+    pub(super) fn take_secant(&mut self, drive: &mut Drive, x: f64) -> bool {
+        let zero = self.drive_0 / self.drive_slope;
+        if self.has_window() || !(self.min_velocity < zero && zero < self.max_velocity) {
+            let next = self.drive_mode(*drive, x);
+            return core::mem::replace(drive, next) == next;
+        }
+        let (constant, slope) = self.drive_force(*drive);
+        let (effort, applied) = (self.drive(x), constant - slope * x);
+        let slope = effort / (zero - x);
+        self.secant = match self.is_saturated(x) {
+            true if slope > 0.0 => (slope * zero, slope),
+            true => (effort, 0.0),
+            false => (self.drive_0, self.drive_slope),
+        };
+        *drive = Drive::Secant;
+        (applied - effort).abs() <= SECANT_ERROR * effort.abs()
     }
 
     /// Returns the velocity that `mode` fixes, if any.

@@ -6,7 +6,7 @@ use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
 use motorium_robots::{Momentum, Reference};
 
-use super::implicit::GUESSES;
+use super::implicit::{GUESSES, SECANT_GUESSES};
 use super::{Articulated, JointEvents, Part, Singular};
 use crate::contact::ContactScene;
 use crate::robot::{Articulation, Robot, State};
@@ -84,7 +84,13 @@ impl Articulated {
                 part.begin((own, first), (&commands[own.drives()], state), gravity, (scene, of));
             }
         }
-        for _ in 0..GUESSES {
+        for guess in 0..GUESSES + SECANT_GUESSES {
+            if guess == GUESSES {
+                // The relaxation is exact without contacts.
+                for (of, part) in parts.iter_mut().enumerate() {
+                    part.pending &= scene.is_touched(of);
+                }
+            }
             for (part, own) in parts.iter_mut().zip(&*articulations).filter(|(part, _)| part.pending) {
                 let now = (&state.q_next[own.q()], &state.v_next[own.v()]);
                 let found = part.integrator.find_free(&own.model, now, part.h);
@@ -95,7 +101,7 @@ impl Articulated {
             for (of, (part, own)) in parts.iter_mut().zip(&*articulations).enumerate() {
                 if part.pending {
                     let now = (&state.q_next[own.q()], &state.v_next[own.v()]);
-                    part.settled = part.integrator.confirm(&own.model, now, part.h);
+                    part.settled = part.integrator.confirm(&own.model, now, part.h, guess >= GUESSES);
                     part.pending = !part.settled;
                     settled &= part.settled;
                     if part.pending {

@@ -103,14 +103,14 @@ fn hold_stops_robots_with_soft_controllers() {
     for (name, is_legged) in [("panda", false), ("ur5e", false), ("quadruped", true)] {
         let (mut worst, mut moving) = (0.0_f64, Vec::new());
         for case in 0..67 {
-            // The light legs shake at 1 kHz under larger damping, which throws the robot up.
-            let damping = if is_legged { 10.0 } else { 100.0 };
-            let gains = (10_f64.powf(-6.0 + 9.0 * uniform(&mut seed)), damping * uniform(&mut seed));
+            let gains = (10_f64.powf(-6.0 + 9.0 * uniform(&mut seed)), 100.0 * uniform(&mut seed));
             let world = if is_legged { grounded(vec![]) } else { World::default() };
             let (at_death, later) = speeds(name, world, gains, &mut seed);
             if later >= REST_SPEED {
                 moving.push(format!("{case}, gains {gains:?}: {at_death} rad/s, {later} 1 s later"));
             }
+            // Drives that saturate against the ground add no energy.
+            assert!(!is_legged || at_death < 40.0, "{case}, gains {gains:?}: {at_death} rad/s at death");
             worst = worst.max(later);
         }
         assert!(moving.is_empty(), "{name}: {} of 67 move: {moving:#?}", moving.len());
