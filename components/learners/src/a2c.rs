@@ -22,7 +22,7 @@ use motorium_physics::{BuildError, Engine, Simulation};
 use serde::{Deserialize, Serialize};
 
 use crate::environment::EnvironmentError;
-use crate::learner::{Algorithm, Check};
+use crate::learner::{Algorithm, Check, ConvolutionSettings};
 use crate::ppo::{Ppo, PpoSettings, Variant};
 use crate::task::{Task, TaskError};
 
@@ -53,6 +53,10 @@ pub struct A2cSettings {
     pub value: f64,
     /// Maximum norm of a gradient, more than 0. Default 0.5.
     pub gradient: f64,
+    /// Convolutions of each image among the observations, before the hidden layers of policy and value. The images of a
+    /// history are the channels of one image; ReLU follows each convolution. Default: none, pixels are inputs
+    /// of the first hidden layer.
+    pub convolutions: Vec<ConvolutionSettings>,
     /// Number of hidden units of each layer of the policy and value networks. Default 64 and 64.
     pub hidden: Vec<usize>,
     /// Initial standard deviation of the action, more than 0. Default 1.
@@ -74,6 +78,7 @@ impl Default for A2cSettings {
             entropy: 0.0,
             value: 0.5,
             gradient: 0.5,
+            convolutions: vec![],
             hidden: vec![64, 64],
             deviation: 1.0,
             checkpoint: 200,
@@ -103,7 +108,7 @@ impl A2cSettings {
         ])?;
         check.shares([("lambda", self.lambda)])?;
         check.not_negative([("entropy", self.entropy)])?;
-        check.network(self.discount, &self.hidden)
+        check.network(self.discount, &self.convolutions, &self.hidden)
     }
 
     /// Creates a training run that has not performed any step yet. `run` contains the seed and the number of
@@ -136,6 +141,7 @@ impl A2cSettings {
             entropy: self.entropy,
             value: self.value,
             gradient: self.gradient,
+            convolutions: self.convolutions,
             hidden: self.hidden,
             recurrent: 0,
             sequence: 1,

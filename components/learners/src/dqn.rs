@@ -146,7 +146,8 @@ impl Dqn {
             None => grid(terms, settings.bins)?,
         };
         let sizes = layer_sizes(terms.inputs(), &settings.replay.hidden, choices.count());
-        let network = Trained::new(&sizes, 1.0, seed, 0);
+        let encoding = settings.replay.encoding(Algorithm::Dqn, terms)?;
+        let network = Trained::new(&encoding, &sizes, 1.0, seed, 0);
         let DqnSettings { epsilon, final_epsilon, exploration, double, .. } = *settings;
         Ok(Self {
             choices,
@@ -239,11 +240,8 @@ impl Method for Dqn {
     }
 
     fn policy(&self) -> TrainedNetwork {
-        TrainedNetwork {
-            memory: None,
-            layers: self.network.network.rows(),
-            head: Head::Choice { table: self.choices.rows().to_vec() },
-        }
+        let head = Head::Choice { table: self.choices.rows().to_vec() };
+        TrainedNetwork::new(&self.network.network, head)
     }
 
     fn parameters(&self) -> Vec<Vec<f32>> {

@@ -22,7 +22,7 @@ use motorium_physics::{BuildError, Engine, Simulation};
 use serde::{Deserialize, Serialize};
 
 use crate::environment::EnvironmentError;
-use crate::learner::{Algorithm, Check};
+use crate::learner::{Algorithm, Check, ConvolutionSettings};
 use crate::ppo::{Ppo, PpoSettings, Variant};
 use crate::task::{Task, TaskError};
 
@@ -49,6 +49,10 @@ pub struct ReinforceSettings {
     pub value: f64,
     /// Maximum norm of a gradient, more than 0. Default 0.5.
     pub gradient: f64,
+    /// Convolutions of each image among the observations, before the hidden layers of policy and baseline. The images of a
+    /// history are the channels of one image; ReLU follows each convolution. Default: none, pixels are inputs
+    /// of the first hidden layer.
+    pub convolutions: Vec<ConvolutionSettings>,
     /// Number of hidden units of each layer of the policy and baseline networks. Default 64 and 64.
     pub hidden: Vec<usize>,
     /// Initial standard deviation of the action, more than 0. Default 1.
@@ -68,6 +72,7 @@ impl Default for ReinforceSettings {
             entropy: 0.0,
             value: 0.5,
             gradient: 0.5,
+            convolutions: vec![],
             hidden: vec![64, 64],
             deviation: 1.0,
             checkpoint: 10,
@@ -95,7 +100,7 @@ impl ReinforceSettings {
             ("deviation", self.deviation),
         ])?;
         check.not_negative([("entropy", self.entropy)])?;
-        check.network(self.discount, &self.hidden)
+        check.network(self.discount, &self.convolutions, &self.hidden)
     }
 
     /// Creates a training run that has not performed any step yet. `run` contains the seed and the number of
@@ -129,6 +134,7 @@ impl ReinforceSettings {
             entropy: self.entropy,
             value: self.value,
             gradient: self.gradient,
+            convolutions: self.convolutions,
             hidden: self.hidden,
             recurrent: 0,
             sequence: 1,

@@ -128,12 +128,13 @@ impl Deterministic {
     ) -> Result<Self, TaskError> {
         let bounds = Bounds::new(terms, algorithm)?;
         let (inputs, width, hidden) = (terms.inputs(), bounds.width(), &settings.replay.hidden);
-        let actor = Trained::new(&layer_sizes(inputs, hidden, width), 0.01, seed, 0);
+        let encoding = settings.replay.encoding(algorithm, terms)?;
+        let actor = Trained::new(&encoding, &layer_sizes(inputs, hidden, width), 0.01, seed, 0);
         Ok(Self {
             algorithm,
             target: actor.network.clone(),
             actor,
-            critics: Critics::new(critics, &layer_sizes(inputs + width, hidden, 1), seed),
+            critics: Critics::new(critics, &encoding, &layer_sizes(inputs + width, hidden, 1), seed),
             noise: settings.noise as f32,
             target_noise: settings.target_noise as f32,
             target_clip: settings.target_clip as f32,
@@ -257,7 +258,7 @@ impl Method for Deterministic {
     }
 
     fn policy(&self) -> TrainedNetwork {
-        TrainedNetwork { memory: None, layers: self.actor.network.rows(), head: self.bounds.head() }
+        TrainedNetwork::new(&self.actor.network, self.bounds.head())
     }
 
     fn parameters(&self) -> Vec<Vec<f32>> {

@@ -4,20 +4,33 @@ use std::ops::Range;
 
 use motorium::component::{ConfigureError, RunClock, Setup};
 use motorium::declare::{Declare, StepError};
-use motorium::transport::SliceInput;
+use motorium::state::ImageInfo;
+use motorium::transport::{Input, SliceInput};
 use motorium_models::policy::{Observation, Policy, Term};
 
 /// Capacity of the queue of an input.
 const PICTURES: usize = 2;
 
 /// The images that a policy observes, from the topics of `sensor.depth_camera`: an input `NAME_depth` for a
-/// depth image of the camera NAME, and `NAME_grey` for a grey image. Only [`open`](Self::open) allocates.
+/// depth image of the camera NAME, `NAME_grey` for a grey image, and `NAME_info` for their width and height.
+/// Only [`open`](Self::open) allocates.
 #[derive(Debug)]
 pub struct ImageInputs {
     inputs: Vec<ImageInput>,
+    /// The cameras of these images.
+    cameras: Vec<Camera>,
     /// Pixels of all images, in the order of the observations.
     pixels: Vec<f32>,
     clock: RunClock,
+}
+
+/// A camera whose images have the size that the policy expects.
+#[derive(Debug)]
+struct Camera {
+    name: String,
+    info: Input<ImageInfo>,
+    /// Columns and rows.
+    pixels: [usize; 2],
 }
 
 #[derive(Debug)]
@@ -38,11 +51,30 @@ fn port(observation: &Observation) -> Option<(String, String)> {
     Some((format!("{name}_{what}"), format!("{what} images of {columns} x {rows} pixels")))
 }
 
+/// Returns the cameras of a policy, each once, with the columns and rows of their images.
+fn cameras(policy: &Policy) -> impl Iterator<Item = (&str, [usize; 2])> {
+    let observations = &policy.observations;
+    observations.iter().enumerate().filter_map(|(index, observation)| {
+        let name = observation.camera.as_deref()?;
+        let is_first = observations[..index].iter().all(|other| other.camera.as_deref() != Some(name));
+        observation.pixels.filter(|_| is_first).map(|pixels| (name, pixels))
+    })
+}
+
+/// Returns the name of the input with the format of a camera's images.
+fn info_port(camera: &str) -> String {
+    format!("{camera}_info")
+}
+
 impl ImageInputs {
     /// Declares the inputs for the images that a policy observes.
     pub fn declare(policy: &Policy, declare: &mut Declare) {
         for (port, doc) in policy.observations.iter().filter_map(port) {
             declare.slice_input::<u8>(&port, PICTURES, &doc);
+        }
+        for (camera, _) in cameras(policy) {
+            let doc = format!("format of the images of `{camera}`");
+            declare.input::<ImageInfo>(&info_port(camera), &doc);
         }
     }
 
@@ -60,15 +92,21 @@ impl ImageInputs {
             let input = setup.slice_input(&port)?;
             inputs.push(ImageInput { input, term: observation.term, place, published: None });
         }
-        Ok(Self { inputs, pixels: vec![0.0; first], clock: setup.clock() })
+        let cameras = cameras(policy).map(|(name, pixels)| {
+            let info = setup.input(&info_port(name))?;
+            Ok(Camera { name: name.to_owned(), info, pixels })
+        });
+        let cameras = cameras.collect::<Result<_, ConfigureError>>()?;
+        Ok(Self { inputs, cameras, pixels: vec![0.0; first], clock: setup.clock() })
     }
 
-    /// Reads all new images. Returns `false` if an image is missing, or was published more than `longest`
-    /// \[ns\] ago.
+    /// Reads all new images. Returns `false` if an image or its format is missing, or if an image was
+    /// published more than `longest` \[ns\] ago.
     ///
     /// # Errors
     ///
-    /// [`StepError`] if the number of pixels of an image differs from the number that the policy expects.
+    /// [`StepError`] if the width, the height or the number of pixels of an image differs from what the
+    /// policy expects.
     pub fn read(&mut self, longest: u64) -> Result<bool, StepError> {
         let now = self.clock.now_ns();
         let mut are_fresh = true;
@@ -92,6 +130,19 @@ impl ImageInputs {
                 }
             }
             are_fresh &= published.is_some_and(|time| now.saturating_sub(time) <= longest);
+        }
+        for Camera { name, info, pixels: [columns, rows] } in &mut self.cameras {
+            let Some(info) = info.latest() else {
+                are_fresh = false;
+                continue;
+            };
+            let (width, height) = (info.width, info.height);
+            if [width as usize, height as usize] != [*columns, *rows] {
+                return Err(StepError::failed(format!(
+                    "image of `{name}`: {width} x {height} pixels, expected {columns} x {rows} as in the policy; \
+                     help: set `width` and `height` of the camera as in training"
+                )));
+            }
         }
         Ok(are_fresh)
     }

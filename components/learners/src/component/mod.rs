@@ -28,10 +28,7 @@ use serde_json::json;
 
 use crate::files;
 use crate::random::Counter;
-use crate::task::{MAX_IMAGE, RobotState, Task, TaskError, Terms, Trial};
-
-// an image of a task fits into an observation
-const _: () = assert!(MAX_IMAGE == MAX_OBSERVATION);
+use crate::task::{RobotState, Task, TaskError, Terms, Trial};
 
 /// Maximum number of unread values in a stream.
 const CAPACITY: usize = 16;
@@ -156,7 +153,8 @@ fn load(
     {
         if found > most {
             let message = format!("the {what} has {found} numbers, expected at most {most}");
-            return Err(ConfigError::key("task", message));
+            return Err(ConfigError::key("task", message)
+                .advise("evaluate the policy with `motorium learn evaluate`"));
         }
     }
     let index = |name: &String| loaded.model.frames().iter().position(|frame| frame.name == *name);

@@ -402,8 +402,8 @@ fn mistakes_in_cameras_are_named() {
         ("history = 2", "range = [0.9, 0.3]", "`observations[0].range`: found [0.9, 0.3]"),
         (
             "width = 16",
-            "width = 32",
-            "`observations[0].camera`: found 32 x 12 pixels in 2 steps, expected at most 512",
+            "width = 2000",
+            "`observations[0].pixels`: found [2000, 12], expected 1 to 1024 columns and rows",
         ),
         ("width = 16", "width = 0", "`cameras.pole.width`: an image of 0 x 12 pixels"),
         ("most = 0.9", "most = 0.2", "`cameras.pole.least`: least = 0.3: expected a distance"),

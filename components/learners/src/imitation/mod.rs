@@ -32,7 +32,7 @@ pub use run::{Run, RunError, Sources, Summary};
 pub use settings::ImitationSettings;
 
 use crate::environment::{EnvironmentError, VectorEnvironment};
-use crate::learner::{Head, Normaliser, TrainedNetwork};
+use crate::learner::{Encoding, Head, Normaliser, TrainedNetwork};
 use crate::random::{Counter, Purpose};
 use crate::task::{Choices, Task, Terms, best};
 
@@ -136,10 +136,12 @@ impl<E: Engine + Send> Imitation<E> {
         let worlds = VectorEnvironment::new(task, (settings.worlds, threads), seed, build)?;
         let choices = worlds.terms().choices().cloned();
         let (inputs, running) = (worlds.terms().inputs(), vec![0.0; settings.worlds]);
-        let regression = match &choices {
-            Some(choices) => Regression::of_choices(inputs, choices.count(), settings, seed)?,
-            None => Regression::new(inputs, worlds.terms().active_actions(), settings, seed)?,
+        let encoding = Encoding::new("dagger", &settings.convolutions, worlds.terms().policy())?;
+        let labels = match &choices {
+            Some(choices) => (inputs, vec![true; choices.count()], true),
+            None => (inputs, worlds.terms().active_actions(), false),
         };
+        let regression = Regression::with_labels(labels, &encoding, settings, seed)?;
         Ok(Self { seed, experts, running, regression, choices, worlds })
     }
 
@@ -193,7 +195,7 @@ impl<E: Engine + Send> Imitation<E> {
         Ok(Progress { iteration, labels, beta, episodes, mean_return, loss })
     }
 
-    /// Returns the trained network for raw observations, with the normalisation merged into its first layer.
+    /// Returns the trained network for raw observations.
     pub fn policy(&self) -> TrainedNetwork {
         let mut policy = self.regression.policy();
         if let Some(choices) = &self.choices {

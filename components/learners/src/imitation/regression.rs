@@ -6,7 +6,7 @@ use rand::seq::SliceRandom as _;
 
 use super::error::ImitationError;
 use super::settings::ImitationSettings;
-use crate::learner::{Head, Normaliser, TrainedNetwork, layer_sizes, log_sum, numbers_sha256};
+use crate::learner::{Encoding, Head, Normaliser, TrainedNetwork, layer_sizes, log_sum, numbers_sha256};
 use crate::random::{Counter, Purpose};
 use crate::task::TaskError;
 
@@ -53,14 +53,15 @@ impl Regression {
     ///
     /// # Errors
     ///
-    /// [`TaskError`] with the key of an invalid setting.
+    /// [`TaskError`] with the key of an invalid setting. Convolutions require the images of a task; see
+    /// [`Imitation`](super::Imitation).
     pub fn new(
         inputs: usize,
         active: Vec<bool>,
         settings: ImitationSettings,
         seed: u64,
     ) -> Result<Self, TaskError> {
-        Self::with_labels((inputs, active, false), settings, seed)
+        Self::with_labels((inputs, active, false), &unknown_images(&settings)?, settings, seed)
     }
 
     /// Creates a network with random weights and one output for each of `choices` choices. The output is the
@@ -68,18 +69,21 @@ impl Regression {
     ///
     /// # Errors
     ///
-    /// [`TaskError`] with the key of an invalid setting.
+    /// [`TaskError`] with the key of an invalid setting; see [`new`](Self::new).
     pub fn of_choices(
         inputs: usize,
         choices: usize,
         settings: ImitationSettings,
         seed: u64,
     ) -> Result<Self, TaskError> {
-        Self::with_labels((inputs, vec![true; choices], true), settings, seed)
+        let labels = (inputs, vec![true; choices], true);
+        Self::with_labels(labels, &unknown_images(&settings)?, settings, seed)
     }
 
-    fn with_labels(
+    /// Creates a network of inputs, active outputs, and labels that are choices or values of the outputs.
+    pub(super) fn with_labels(
         (inputs, active, is_choice): (usize, Vec<bool>, bool),
+        encoding: &Encoding,
         settings: ImitationSettings,
         seed: u64,
     ) -> Result<Self, TaskError> {
@@ -88,8 +92,8 @@ impl Regression {
         let mut random = Counter { seed, ..Counter::default() }.stream(Purpose::Weights);
         Ok(Self {
             seed,
-            network: Perceptron::random(&sizes, 0.01, &mut random),
-            normaliser: Normaliser::new(inputs),
+            network: encoding.network(&sizes, 0.01, &mut random),
+            normaliser: encoding.normaliser(inputs),
             active,
             is_choice,
             inputs,
@@ -209,10 +213,9 @@ impl Regression {
         Ok(loss)
     }
 
-    /// Returns the trained network for raw observations, with the normalisation merged into its first layer.
+    /// Returns the trained network for raw observations.
     pub fn policy(&self) -> TrainedNetwork {
-        let layers = self.network.rows();
-        TrainedNetwork { memory: None, layers, head: Head::Linear }.normalised(&self.normaliser)
+        TrainedNetwork::new(&self.network, Head::Linear).normalised(&self.normaliser)
     }
 
     /// Returns the network and the normalisation of its observations.
@@ -222,8 +225,26 @@ impl Regression {
 
     /// Returns the SHA-256 digest of all weights as hexadecimal digits.
     pub fn weights_sha256(&self) -> String {
-        let layers = self.policy().layers;
-        numbers_sha256(layers.iter().flat_map(|(weights, bias)| [&weights[..], &bias[..]]))
+        let TrainedNetwork { images, layers, .. } = self.policy();
+        let convolutions = images.iter().flat_map(|input| {
+            let layers = input.images.iter().flat_map(|image| &image.layers);
+            let weights = layers.flat_map(|layer| [&layer.weights[..], &layer.bias]);
+            [&input.means[..], &input.factors].into_iter().chain(weights)
+        });
+        let layers = layers.iter().flat_map(|(weights, bias)| [&weights[..], &bias[..]]);
+        numbers_sha256(convolutions.chain(layers))
+    }
+}
+
+/// Returns the encoding of observations whose images are unknown; convolutions are an error.
+fn unknown_images(settings: &ImitationSettings) -> Result<Encoding, TaskError> {
+    match settings.convolutions.len() {
+        0 => Ok(Encoding::default()),
+        found => Err(TaskError::value(
+            "algorithms.dagger.convolutions",
+            found,
+            "none: the images among the observations are unknown",
+        )),
     }
 }
 

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::learner::{ConvolutionSettings, check_convolutions};
 use crate::task::TaskError;
 
 /// Settings of [`Imitation`](super::Imitation): the table `[algorithms.dagger]` of a task.
@@ -26,6 +27,10 @@ pub struct ImitationSettings {
     pub rate: f64,
     /// `true` lowers the learning rate linearly to 0 over the passes of an iteration. Default false.
     pub anneal: bool,
+    /// Convolutions of each image among the observations, before the hidden layers of the network. The images of a
+    /// history are the channels of one image; ReLU follows each convolution. Default: none, pixels are inputs
+    /// of the first hidden layer.
+    pub convolutions: Vec<ConvolutionSettings>,
     /// Number of hidden units of each layer; an empty list means a linear policy. Default 64 and 64.
     pub hidden: Vec<usize>,
 }
@@ -42,6 +47,7 @@ impl Default for ImitationSettings {
             minibatch: 128,
             rate: 1e-3,
             anneal: false,
+            convolutions: vec![],
             hidden: vec![64, 64],
         }
     }
@@ -99,6 +105,7 @@ impl ImitationSettings {
         if !(self.rate > 0.0 && self.rate.is_finite()) {
             return Err(value("rate", self.rate, "above 0"));
         }
+        check_convolutions("dagger", &self.convolutions)?;
         if self.hidden.contains(&0) {
             return Err(value("hidden", 0.0, "at least one unit in each layer"));
         }

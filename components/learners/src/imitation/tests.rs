@@ -8,6 +8,7 @@ use motorium_physics::Articulated;
 
 use super::*;
 use crate::environment::{End, Environment, Scene};
+use crate::learner::ConvolutionSettings;
 
 const TASK: &str = include_str!("../../../../tasks/cart-pole.toml");
 
@@ -224,6 +225,37 @@ fn recorded_actions_are_cloned_without_an_expert() {
     let mut broken = shown;
     broken.observations[3] = f32::NAN;
     assert!(matches!(clone(&[broken]).err(), Some(RecordedError::NotFinite { part: "observation", .. })));
+}
+
+#[test]
+fn convolutions_fit_recorded_images() {
+    let task = Task::parse(include_str!("../../../../tasks/cart-pole-camera.toml")).expect("a task");
+    let scene = Scene::load(&task, Path::new(".")).expect("a robot");
+    let convolutions = vec![ConvolutionSettings { channels: 4, kernel: 4, stride: 2, padding: 1 }];
+    let settings = ImitationSettings { convolutions, epochs: 100, rate: 3e-3, ..settings() };
+    // a bright column in the newest image, and a force that follows it
+    let (mut observations, mut actions) = (Vec::new(), Vec::new());
+    for sample in 0..160 {
+        let bright = sample % 16;
+        let pixels = (0..2 * 192).map(|k| f32::from(u8::from(k >= 192 && k % 16 == bright)));
+        observations.extend(pixels.chain([0.1 * (sample as f32).sin(), 0.0]));
+        actions.push((bright as f32 - 7.5) / 7.5);
+    }
+    let shown = Recorded { widths: [386, 1], observations, actions };
+    let mut imitation = Imitation::<Articulated>::from_recorded(
+        &task,
+        settings.clone(),
+        std::slice::from_ref(&shown),
+        (1, 1),
+        || scene.simulation(),
+    )
+    .expect("a run");
+    let loss = imitation.advance().expect("an iteration").loss;
+    assert!(loss < 0.02, "{loss}");
+    let found = imitation.regression.predict(&shown.observations[..386])[0];
+    assert!((found + 1.0).abs() < 0.3, "{found}");
+    let error = Regression::new(386, vec![true], settings, 1).err().expect("no images").to_string();
+    assert!(error.contains("`algorithms.dagger.convolutions`: found 1, expected none"), "{error}");
 }
 
 #[test]

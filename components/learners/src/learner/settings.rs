@@ -3,7 +3,7 @@
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-use super::Algorithm;
+use super::{Algorithm, ConvolutionSettings, check_convolutions};
 use crate::task::{CHOICES, Task, TaskError};
 
 /// Reads the table of an algorithm. Missing keys have their defaults; all settings serialise to at least one
@@ -88,8 +88,14 @@ impl Check {
         wrong.map_or(Ok(()), |(key, found)| Err(self.error(key, found, "0 to 1")))
     }
 
-    /// Checks the discount and the hidden units.
-    pub(crate) fn network(self, discount: f64, hidden: &[usize]) -> Result<(), TaskError> {
+    /// Checks the discount, the convolutions and the hidden units.
+    pub(crate) fn network(
+        self,
+        discount: f64,
+        convolutions: &[ConvolutionSettings],
+        hidden: &[usize],
+    ) -> Result<(), TaskError> {
+        check_convolutions(self.0.name(), convolutions)?;
         if !(discount > 0.0 && discount < 1.0) {
             return Err(self.error("discount", discount, "above 0, below 1"));
         }

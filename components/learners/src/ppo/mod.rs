@@ -55,8 +55,8 @@ pub use settings::PpoSettings;
 use crate::environment::{EnvironmentError, VectorEnvironment};
 pub use crate::learner::Normaliser;
 use crate::learner::{
-    Algorithm, Check, CheckpointError, Costs, Episodes, Head, Learner, LearnerError, Progress, Stopwatch,
-    TrainedNetwork, numbers_sha256,
+    Algorithm, Check, CheckpointError, Costs, Encoding, Episodes, Head, Learner, LearnerError, Progress,
+    Stopwatch, TrainedNetwork, numbers_sha256,
 };
 use crate::random::{Counter, Purpose};
 use crate::task::{Choices, Mirror, Task, TaskError};
@@ -170,8 +170,10 @@ impl<E: Engine + Send> Ppo<E> {
         let stored = if choices.is_some() { 1 } else { active.len() };
         let weights = |step| Counter { seed, step, ..Counter::default() }.stream(Purpose::Weights);
         let (units, hidden) = (settings.recurrent, &settings.hidden);
-        let policy = Network::random((inputs, units, outputs), hidden, 0.01, &mut weights(0));
-        let value = Network::random((inputs, units, 1), hidden, 1.0, &mut weights(1));
+        let encoding =
+            Encoding::new(variant.algorithm.name(), &settings.convolutions, worlds.terms().policy())?;
+        let policy = Network::random(&encoding, (inputs, units, outputs), hidden, 0.01, &mut weights(0));
+        let value = Network::random(&encoding, (inputs, units, 1), hidden, 1.0, &mut weights(1));
         let deviations = vec![settings.deviation.ln() as f32; active.len()];
         let adam = Adam::new(&[policy.parameters(), value.parameters(), active.len()]).with_epsilon(EPSILON);
         let rollout = Rollout::new(settings.horizon, settings.worlds, inputs, stored)
@@ -183,7 +185,7 @@ impl<E: Engine + Send> Ppo<E> {
             updates: 0,
             steps: 0,
             rate: settings.rate,
-            observations: Normaliser::new(inputs),
+            observations: encoding.normaliser(inputs),
             returns: Normaliser::new(1),
             discounted: vec![0.0; settings.worlds],
             episodes: Episodes::new(settings.worlds),

@@ -1,4 +1,5 @@
-//! Networks of on-policy methods: a perceptron, with or without gated recurrent units before it.
+//! Networks of on-policy methods: a perceptron, with or without gated recurrent units or convolutions before
+//! it.
 
 use motorium_models::networks::differentiable::{Backward, Forward, Gru, Layer as _};
 use motorium_models::networks::{Perceptron, PerceptronTrace};
@@ -7,7 +8,7 @@ use nalgebra::DMatrix;
 use rand::RngExt as _;
 use rand_pcg::Pcg64;
 
-use crate::learner::{Head, TrainedNetwork, layer_sizes};
+use crate::learner::{Encoding, Head, TrainedNetwork, layer_sizes};
 
 /// A perceptron, optionally with gated recurrent units between its inputs and its layers.
 #[derive(Clone, Debug)]
@@ -93,9 +94,10 @@ impl Memory {
 }
 
 impl Network {
-    /// Creates a network with random weights. With 0 `units` it is only a perceptron. The last layer has
-    /// `gain`.
+    /// Creates a network with random weights. With 0 `units` it is a perceptron with the convolutions of
+    /// `encoding`. The last layer has `gain`.
     pub(super) fn random(
+        encoding: &Encoding,
         (inputs, units, outputs): (usize, usize, usize),
         hidden: &[usize],
         gain: f32,
@@ -103,7 +105,7 @@ impl Network {
     ) -> Self {
         let memory = (units > 0).then(|| Memory::random(inputs, units, random));
         let width = if units > 0 { units } else { inputs };
-        Self { memory, layers: Perceptron::random(&layer_sizes(width, hidden, outputs), gain, random) }
+        Self { memory, layers: encoding.network(&layer_sizes(width, hidden, outputs), gain, random) }
     }
 
     /// Returns the number of parameters.
@@ -142,7 +144,7 @@ impl Network {
                 bias: bias.to_vec(),
             }
         });
-        TrainedNetwork { memory, layers: self.layers.rows(), head: Head::Linear }
+        TrainedNetwork { memory, ..TrainedNetwork::new(&self.layers, Head::Linear) }
     }
 
     /// Computes the outputs of steps, one per column. With recurrent units, the columns are the pieces, one
@@ -245,7 +247,8 @@ mod tests {
 
     #[test]
     fn gradients_of_masked_sequences_match_finite_differences() {
-        let mut network = Network::random((2, 3, 1), &[4], 1.0, &mut Pcg64::seed_from_u64(1));
+        let mut network =
+            Network::random(&Encoding::default(), (2, 3, 1), &[4], 1.0, &mut Pcg64::seed_from_u64(1));
         let start = [0.3, -0.5, 0.1];
         // an episode ends after two steps: the second piece starts at 0
         let pieces = [Piece { state: Some(&start), steps: 2 }, Piece { state: None, steps: 3 }];
@@ -269,7 +272,8 @@ mod tests {
 
     #[test]
     fn pieces_match_single_steps_with_resets_at_episode_ends() {
-        let network = Network::random((2, 3, 1), &[4], 1.0, &mut Pcg64::seed_from_u64(2));
+        let network =
+            Network::random(&Encoding::default(), (2, 3, 1), &[4], 1.0, &mut Pcg64::seed_from_u64(2));
         let input = DMatrix::from_fn(2, 5, |i, k| (1.7 * (i + 2 * k) as f32).cos());
         let whole = network
             .forward(input.clone(), [Piece { state: None, steps: 2 }, Piece { state: None, steps: 3 }]);

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::learner::{Algorithm, Check};
+use crate::learner::{Algorithm, Check, ConvolutionSettings};
 use crate::task::TaskError;
 
 /// Settings of [`Ppo`](super::Ppo): the table `[algorithms.ppo]` of a task.
@@ -44,10 +44,14 @@ pub struct PpoSettings {
     pub value: f64,
     /// Maximum norm of a gradient, more than 0. Default 0.5.
     pub gradient: f64,
+    /// Convolutions of each image among the observations, before the hidden layers of policy and value. The images of a
+    /// history are the channels of one image; ReLU follows each convolution. Default: none, pixels are inputs
+    /// of the first hidden layer.
+    pub convolutions: Vec<ConvolutionSettings>,
     /// Number of hidden units of each layer of the policy and value networks. Default 64 and 64.
     pub hidden: Vec<usize>,
     /// Number of gated recurrent units before the hidden layers, in each of the policy and value networks.
-    /// Default 0.
+    /// Default 0. Must be 0 with `convolutions`.
     pub recurrent: usize,
     /// Number of consecutive steps through which the gradient of recurrent units is propagated, at least 1.
     /// Must divide `horizon` and must not exceed `minibatch`. Default 16.
@@ -78,6 +82,7 @@ impl Default for PpoSettings {
             entropy: 0.0,
             value: 0.5,
             gradient: 0.5,
+            convolutions: vec![],
             hidden: vec![64, 64],
             recurrent: 0,
             sequence: 16,
@@ -135,6 +140,9 @@ impl PpoSettings {
         if self.mirror && self.recurrent > 0 {
             return Err(check.error("recurrent", self.recurrent as f64, "0 with `mirror`"));
         }
+        if self.recurrent > 0 && !self.convolutions.is_empty() {
+            return Err(check.error("recurrent", self.recurrent as f64, "0 with `convolutions`"));
+        }
         check.positive([
             ("rate", self.rate),
             ("clip", self.clip),
@@ -145,7 +153,7 @@ impl PpoSettings {
         ])?;
         check.shares([("lambda", self.lambda)])?;
         check.not_negative([("entropy", self.entropy)])?;
-        check.network(self.discount, &self.hidden)
+        check.network(self.discount, &self.convolutions, &self.hidden)
     }
 
     /// Returns the number of consecutive steps through which a gradient is propagated; 1 without recurrent

@@ -227,7 +227,7 @@ impl<E: Engine + Send, M: Method> OffPolicy<E, M> {
             updates: 0,
             steps: 0,
             gradients: 0,
-            observations: Normaliser::new(inputs),
+            observations: settings.encoding(method.algorithm(), worlds.terms())?.normaliser(inputs),
             episodes: Episodes::new(settings.worlds),
         };
         let watch = Stopwatch::start();

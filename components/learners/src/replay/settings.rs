@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::learner::Check;
-use crate::task::TaskError;
+use crate::learner::{Algorithm, Check, ConvolutionSettings, Encoding};
+use crate::task::{TaskError, Terms};
 
 /// Settings of steps, replay and networks, as keys in the table of an off-policy algorithm. For defaults and
 /// their sources, see the settings of each algorithm.
@@ -32,6 +32,10 @@ pub struct ReplaySettings {
     pub polyak: f64,
     /// Learning rate of Adam, more than 0.
     pub rate: f64,
+    /// Convolutions of each image among the observations, before the hidden layers of all networks. The images of a
+    /// history are the channels of one image; ReLU follows each convolution. Default: none, pixels are inputs
+    /// of the first hidden layer.
+    pub convolutions: Vec<ConvolutionSettings>,
     /// Number of hidden units of each layer.
     pub hidden: Vec<usize>,
     /// Number of updates between two checkpoints, at least 1.
@@ -39,6 +43,11 @@ pub struct ReplaySettings {
 }
 
 impl ReplaySettings {
+    /// Returns the convolutions of the images that a task observes.
+    pub(crate) fn encoding(&self, algorithm: Algorithm, terms: &Terms) -> Result<Encoding, TaskError> {
+        Encoding::new(algorithm.name(), &self.convolutions, terms.policy())
+    }
+
     /// Checks all settings.
     pub(crate) fn check(&self, check: Check) -> Result<(), TaskError> {
         check.counts([
@@ -53,6 +62,6 @@ impl ReplaySettings {
         ])?;
         check.positive([("rate", self.rate), ("polyak", self.polyak)])?;
         check.shares([("polyak", self.polyak)])?;
-        check.network(self.discount, &self.hidden)
+        check.network(self.discount, &self.convolutions, &self.hidden)
     }
 }

@@ -4,7 +4,7 @@ use motorium_models::networks::differentiable::Function;
 use motorium_models::networks::{Adam, Perceptron};
 use nalgebra::DMatrix;
 
-use crate::learner::{CheckpointError, CheckpointReader, CheckpointWriter};
+use crate::learner::{CheckpointError, CheckpointReader, CheckpointWriter, Encoding};
 use crate::random::{Counter, Purpose};
 
 /// Moves a target towards a network: `target + share (network - target)` for each parameter (Polyak
@@ -33,9 +33,9 @@ pub(crate) struct Trained {
 
 impl Trained {
     /// Creates a network with random weights, which depend only on the seed and the number of the network.
-    pub(crate) fn new(sizes: &[usize], gain: f32, seed: u64, number: u64) -> Self {
+    pub(crate) fn new(encoding: &Encoding, sizes: &[usize], gain: f32, seed: u64, number: u64) -> Self {
         let mut random = Counter { seed, step: number, ..Counter::default() }.stream(Purpose::Weights);
-        let network = Perceptron::random(sizes, gain, &mut random);
+        let network = encoding.network(sizes, gain, &mut random);
         let adam = Adam::new(&[network.parameters()]);
         Self { network, adam }
     }
@@ -88,9 +88,9 @@ pub(crate) struct CriticPart {
 impl Critics {
     /// Creates critics with random weights and ReLU between layers, because `tanh` saturates at values much
     /// larger than 1. The networks are numbered from 1.
-    pub(crate) fn new(count: usize, sizes: &[usize], seed: u64) -> Self {
+    pub(crate) fn new(count: usize, encoding: &Encoding, sizes: &[usize], seed: u64) -> Self {
         let critic = |number: u64| {
-            let Trained { network, adam } = Trained::new(sizes, 1.0, seed, number);
+            let Trained { network, adam } = Trained::new(encoding, sizes, 1.0, seed, number);
             Trained { network: network.with_function(Function::Relu), adam }
         };
         let critics: Vec<Trained> = (1..=count as u64).map(critic).collect();
@@ -151,8 +151,7 @@ impl Critics {
         for (k, (critic, trace)) in used().zip(&traces).enumerate() {
             let mut output = DMatrix::<f32>::zeros(1, columns);
             output.iter_mut().zip(&smallest).for_each(|(g, least)| *g = f32::from(least.1 == k));
-            let by_input = critic.network.input_gradients(trace, output);
-            gradient += by_input.rows(input.nrows() - width, width);
+            gradient += critic.network.last_input_gradients(trace, output, width);
         }
         (smallest.into_iter().map(|(q, _)| q).collect(), gradient)
     }
@@ -205,8 +204,8 @@ mod tests {
 
     #[test]
     fn targets_approach_a_network_geometrically() {
-        let network = Trained::new(&[2, 3, 1], 1.0, 1, 0).network;
-        let start = Trained::new(&[2, 3, 1], 1.0, 2, 0).network;
+        let network = Trained::new(&Encoding::default(), &[2, 3, 1], 1.0, 1, 0).network;
+        let start = Trained::new(&Encoding::default(), &[2, 3, 1], 1.0, 2, 0).network;
         let mut target = start.clone();
         for _ in 0..10 {
             track(&mut target, &network, 0.1);
@@ -220,7 +219,7 @@ mod tests {
 
     #[test]
     fn action_gradients_match_finite_differences() {
-        let critics = Critics::new(2, &[5, 8, 1], 3);
+        let critics = Critics::new(2, &Encoding::default(), &[5, 8, 1], 3);
         let input = DMatrix::from_fn(5, 6, |i, k| (0.9 * (i + 5 * k) as f32).sin());
         let (_, found) = critics.action_gradients(&input, 2, 2);
         for column in 0..6 {

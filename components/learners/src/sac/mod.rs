@@ -70,6 +70,7 @@ impl Default for SacSettings {
                 discount: 0.99,
                 polyak: 0.005,
                 rate: 3e-4,
+                convolutions: vec![],
                 hidden: vec![64, 64],
                 checkpoint: 10,
             },
@@ -140,9 +141,10 @@ impl Sac {
     fn new(terms: &Terms, settings: &SacSettings, seed: u64) -> Result<Self, TaskError> {
         let bounds = Bounds::new(terms, Algorithm::Sac)?;
         let (inputs, width, hidden) = (terms.inputs(), bounds.width(), &settings.replay.hidden);
+        let encoding = settings.replay.encoding(Algorithm::Sac, terms)?;
         Ok(Self {
-            actor: Trained::new(&layer_sizes(inputs, hidden, 2 * width), 0.01, seed, 0),
-            critics: Critics::new(2, &layer_sizes(inputs + width, hidden, 1), seed),
+            actor: Trained::new(&encoding, &layer_sizes(inputs, hidden, 2 * width), 0.01, seed, 0),
+            critics: Critics::new(2, &encoding, &layer_sizes(inputs + width, hidden, 1), seed),
             log_temperature: settings.temperature.ln() as f32,
             adam: Adam::new(&[1]),
             target_entropy: settings.entropy * bounds.moving() as f64,
@@ -272,14 +274,14 @@ impl Method for Sac {
     }
 
     fn policy(&self) -> TrainedNetwork {
-        let mut layers = self.actor.network.rows();
+        let mut trained = TrainedNetwork::new(&self.actor.network, self.bounds.head());
         let width = self.bounds.width();
         // the policy without exploration needs no standard deviations
-        if let Some((weights, bias)) = layers.last_mut() {
+        if let Some((weights, bias)) = trained.layers.last_mut() {
             weights.truncate(weights.len() / 2);
             bias.truncate(width);
         }
-        TrainedNetwork { memory: None, layers, head: self.bounds.head() }
+        trained
     }
 
     fn parameters(&self) -> Vec<Vec<f32>> {

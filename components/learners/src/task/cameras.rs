@@ -11,9 +11,6 @@ use toml::{Table, Value};
 
 use super::{Mirror, Symmetry, Task, TaskError};
 
-/// Maximum length of an image with its history: the length of an observation in a graph.
-pub(crate) const MAX_IMAGE: usize = 512;
-
 /// Depth cameras of a task by name, each with the keys of `sensor.depth_camera`.
 pub type Cameras = BTreeMap<String, DepthCameraConfig>;
 
@@ -112,21 +109,12 @@ impl Task {
         Ok(())
     }
 
-    /// Checks that every camera is observed, and that no image is larger than an observation in a graph.
+    /// Checks that every camera is observed.
     pub(super) fn check_images(&self, policy: &Policy) -> Result<(), TaskError> {
         for name in self.cameras.keys() {
             if !policy.observations.iter().any(|observation| observation.camera.as_ref() == Some(name)) {
                 let expected = "an observation that uses this camera";
                 return Err(TaskError::value(format!("cameras.{name}"), "no observation", expected));
-            }
-        }
-        for (index, observation) in policy.observations.iter().enumerate() {
-            let numbers = policy.width(observation).saturating_mul(observation.history);
-            if let (Some([columns, rows]), true) = (observation.pixels, numbers > MAX_IMAGE) {
-                let found = format!("{columns} x {rows} pixels in {} steps", observation.history);
-                let expected =
-                    format!("at most {MAX_IMAGE} numbers, such as 16 x 12 pixels in one or two steps");
-                return Err(TaskError::value(format!("observations[{index}].camera"), found, expected));
             }
         }
         Ok(())

@@ -52,7 +52,7 @@ use motorium_worlds::World;
 use serde::Deserialize;
 
 pub use cameras::Cameras;
-pub(crate) use cameras::{MAX_IMAGE, camera};
+pub(crate) use cameras::camera;
 pub use choices::Choices;
 pub(crate) use choices::best;
 pub use command::{CommandRanges, Curriculum};

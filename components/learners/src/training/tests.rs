@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use motorium_models::onnx::Model;
-use motorium_models::policy::PolicyFolder;
+use motorium_models::policy::{PolicyFolder, PolicyNetwork};
 use rand::RngExt as _;
 
 use super::*;
@@ -199,6 +199,97 @@ fn runs_with_a_camera_repeat_and_resume_bit_for_bit() {
         resumed.restore(&checkpoint).expect("the checkpoint of an equal run");
         assert_eq!(finish(&mut *resumed), straight, "{algorithm:?}: resumed");
     }
+}
+
+/// Convolutions for images of 16 x 12 pixels.
+const CONVOLUTIONS: &str =
+    "convolutions = [{ channels = 4, kernel = 4, stride = 2, padding = 1 }, { channels = 8, kernel = 3 }]";
+
+#[test]
+fn runs_with_convolutions_repeat_and_resume_bit_for_bit() {
+    for algorithm in Algorithm::ALL {
+        let pixels = seeing(&tiny(algorithm));
+        let task = seeing(&format!("{}\n{CONVOLUTIONS}", tiny(algorithm)));
+        let run = |seed, threads| finish(&mut *begin(algorithm, &task, (seed, threads)).expect("a run"));
+        let straight = run(1, 1);
+        assert_eq!(run(1, 1), straight, "{algorithm:?}: a second run");
+        assert_eq!(run(1, 2), straight, "{algorithm:?}: two threads");
+        assert_ne!(run(2, 1), straight, "{algorithm:?}: another seed");
+        let mut half = begin(algorithm, &task, (1, 2)).expect("a run");
+        half.advance().expect("an update");
+        half.advance().expect("an update");
+        assert!(!half.is_finished(), "{algorithm:?}");
+        let checkpoint = half.checkpoint().expect("a checkpoint");
+        let mut resumed = begin(algorithm, &task, (77, 1)).expect("a run");
+        resumed.restore(&checkpoint).expect("the checkpoint of an equal run");
+        assert_eq!(resumed.checkpoint().expect("a checkpoint"), checkpoint, "{algorithm:?}");
+        assert_eq!(finish(&mut *resumed), straight, "{algorithm:?}: resumed");
+        let mut other = begin(algorithm, &pixels, (1, 1)).expect("a run");
+        let error = other.restore(&checkpoint).expect_err("other networks").to_string();
+        assert!(error.contains("numbers, expected"), "{algorithm:?}: {error}");
+        // the policy is the network of the task's policy
+        let program = Model::read(&resumed.policy().to_onnx(&[])).and_then(|model| model.program(1));
+        let network = PolicyNetwork::new(&task.policy().expect("a policy"), program.expect("operators"));
+        let mut network = network.expect("the inputs and outputs of the task");
+        network.observation_mut().fill(0.5);
+        assert!(network.run()[0].is_finite(), "{algorithm:?}");
+    }
+}
+
+#[test]
+fn convolutions_that_do_not_fit_are_refused() {
+    let error = |algorithm: Algorithm, text: &str, keys: &str| {
+        let task = task(text, &format!("{}\n{keys}", tiny(algorithm)));
+        begin(algorithm, &task, (1, 1)).err().expect("an error").to_string()
+    };
+    for algorithm in Algorithm::ALL {
+        let name = algorithm.name();
+        let expected = format!("`algorithms.{name}.convolutions`: found 2, expected none: the task observes");
+        let found = error(algorithm, CART_POLE, CONVOLUTIONS);
+        assert!(found.contains(&expected), "{found}");
+    }
+    for (keys, expected) in [
+        (
+            "convolutions = [{ channels = 0, kernel = 3 }]",
+            "convolutions[0].channels`: found 0, expected 1 to 256",
+        ),
+        (
+            "convolutions = [{ channels = 4, kernel = 0 }]",
+            "convolutions[0].kernel`: found 0, expected at least 1",
+        ),
+        (
+            "convolutions = [{ channels = 4, kernel = 3, stride = 0 }]",
+            "convolutions[0].stride`: found 0, expected at least 1",
+        ),
+        (
+            "convolutions = [{ channels = 4, kernel = 3, padding = 3 }]",
+            "convolutions[0].padding`: found 3, expected less than `kernel` = 3",
+        ),
+        (
+            "convolutions = [{ channels = 4, kernel = 4, stride = 4 }, { channels = 4, kernel = 6, padding = 1 }]",
+            "convolutions[1].kernel`: found 6, expected at most 5: the image of `cameras.pole` has 4 x 3 pixels",
+        ),
+        (
+            "recurrent = 8\nconvolutions = [{ channels = 4, kernel = 3 }]",
+            "algorithms.ppo.recurrent`: found 8, expected 0 with `convolutions`",
+        ),
+        ("convolutions = [{ channels = 4, kernal = 3 }]", "unknown field `kernal`"),
+    ] {
+        let found = error(Algorithm::Ppo, SEEING, keys);
+        assert!(found.contains(expected), "{found}");
+    }
+    let found = error(Algorithm::Sac, SEEING, "convolutions = [{ channels = 4, kernal = 3 }]");
+    assert!(found.contains("unknown field `kernal`"), "{found}");
+}
+
+#[test]
+fn convolutions_learn_to_balance_by_sight() {
+    let settings = format!(
+        "[ppo]\nsteps = 49152\nworlds = 16\nhorizon = 64\nminibatch = 256\nrate = 1e-3\nhidden = [32]\n\
+         {CONVOLUTIONS}"
+    );
+    let [random, trained] = returns(Algorithm::Ppo, SEEING, &settings);
+    assert_balances(random, trained);
 }
 
 #[test]

@@ -3,16 +3,19 @@
 //!
 //! - [`ConvolutionalNetwork`]: two convolutions and two dense layers on a grey image.
 //! - [`differentiable`]: layers with backward passes, to build other networks.
-//! - [`Perceptron`]: a multilayer perceptron on batches.
+//! - [`Perceptron`]: a multilayer perceptron on batches, with an [`ImageEncoder`] for images among its inputs.
 //! - [`Adam`]: the stochastic gradient method used for training.
 
 mod adam;
 mod convolutional;
+mod dense;
 pub mod differentiable;
+mod encoder;
 mod layers;
 mod perceptron;
 mod products;
 
 pub use adam::Adam;
 pub use convolutional::{ConvolutionalNetwork, IMAGE_SIDE, Layer};
+pub use encoder::{ConvolutionLayer, ConvolvedImage, ImageEncoder, ImageLayers};
 pub use perceptron::{Perceptron, PerceptronTrace};

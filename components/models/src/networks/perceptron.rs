@@ -1,13 +1,14 @@
 //! Multilayer perceptrons on batches.
 
 use nalgebra::DMatrix;
-use rand_distr::{Distribution as _, StandardNormal};
 use rand_pcg::Pcg64;
 
+use super::dense::{Dense, orthogonal, resize};
 use super::differentiable::Function;
-use super::products::{Left, Product};
+use super::encoder::{FilterGradients, FilterTrace, ImageEncoder};
 
-/// A multilayer perceptron with a [`Function`] between its layers, by default `tanh`.
+/// A multilayer perceptron with a [`Function`] between its layers, by default `tanh`. Images among its inputs
+/// can pass through the convolutions of an [`ImageEncoder`] before the first layer.
 ///
 /// A batch is a matrix with one sample per column. Sums over inputs, outputs and samples have a fixed order
 /// and use fused multiply-adds. Results are therefore bitwise equal on every processor, and the output of a
@@ -32,115 +33,23 @@ use super::products::{Left, Product};
 /// ```
 #[derive(Clone, Debug)]
 pub struct Perceptron {
+    encoder: Option<ImageEncoder>,
     layers: Vec<Dense>,
     function: Function,
-}
-
-/// A matrix and a bias.
-#[derive(Clone, Debug)]
-struct Dense {
-    inputs: usize,
-    /// Weights of the first input, then of the second.
-    weights: Vec<f32>,
-    /// The same weights, output by output.
-    by_output: Vec<f32>,
-    bias: Vec<f32>,
-}
-
-impl Dense {
-    /// Creates a layer with weights (outputs x inputs) and zero bias.
-    fn new(weights: &DMatrix<f32>) -> Self {
-        let (outputs, inputs) = weights.shape();
-        Self {
-            inputs,
-            weights: weights.as_slice().to_vec(),
-            by_output: weights.transpose().as_slice().to_vec(),
-            bias: vec![0.0; outputs],
-        }
-    }
-
-    fn outputs(&self) -> usize {
-        self.bias.len()
-    }
-
-    fn parameters(&self) -> usize {
-        self.weights.len() + self.bias.len()
-    }
-
-    /// Replaces weights and bias.
-    fn set(&mut self, parameters: &[f32]) {
-        let (weights, bias) = parameters.split_at(self.weights.len());
-        self.weights.copy_from_slice(weights);
-        self.bias.copy_from_slice(bias);
-        let outputs = self.outputs();
-        for (output, row) in self.by_output.chunks_exact_mut(self.inputs).enumerate() {
-            let column = weights.iter().skip(output).step_by(outputs);
-            row.iter_mut().zip(column).for_each(|(weight, known)| *weight = *known);
-        }
-    }
-
-    /// Writes the output.
-    fn forward(&self, input: &DMatrix<f32>, output: &mut DMatrix<f32>) {
-        resize(output, self.outputs(), input.ncols());
-        Product {
-            left: Left::Rows(input.as_slice()),
-            right: &self.weights,
-            start: Some(&self.bias),
-            depth: self.inputs,
-            out: output.as_mut_slice(),
-            columns: self.outputs(),
-        }
-        .compute();
-    }
-
-    /// Writes the gradient with respect to weights and bias from the gradient with respect to the output.
-    fn gradients(&self, input: &DMatrix<f32>, output: &DMatrix<f32>, gradients: &mut [f32]) {
-        let (weights, bias) = gradients.split_at_mut(self.weights.len());
-        Product {
-            left: Left::Columns(input.as_slice()),
-            right: output.as_slice(),
-            start: None,
-            depth: output.ncols(),
-            out: weights,
-            columns: self.outputs(),
-        }
-        .compute();
-        bias.fill(0.0);
-        for sample in output.as_slice().chunks_exact(self.outputs()) {
-            bias.iter_mut().zip(sample).for_each(|(sum, gradient)| *sum += gradient);
-        }
-    }
-
-    /// Writes the gradient with respect to the input from the gradient with respect to the output.
-    fn backward(&self, output: &DMatrix<f32>, input: &mut DMatrix<f32>) {
-        resize(input, self.inputs, output.ncols());
-        Product {
-            left: Left::Rows(output.as_slice()),
-            right: &self.by_output,
-            start: None,
-            depth: self.outputs(),
-            out: input.as_mut_slice(),
-            columns: self.inputs,
-        }
-        .compute();
-    }
-}
-
-/// Resizes a matrix; keeps its memory if the shape is unchanged.
-fn resize(matrix: &mut DMatrix<f32>, rows: usize, columns: usize) {
-    if matrix.shape() != (rows, columns) {
-        *matrix = DMatrix::zeros(rows, columns);
-    }
 }
 
 /// Trace of a forward pass, from which gradients are computed: the inputs of all layers, then the output.
 /// Reuse a trace to avoid allocation in passes over batches of the same size.
 #[derive(Clone, Debug, Default)]
 pub struct PerceptronTrace {
-    /// Inputs of all layers, then the output.
+    /// Inputs of the encoder and of all layers, then the output.
     values: Vec<DMatrix<f32>>,
-    /// Gradients with respect to these values.
+    /// Gradients with respect to the output, then to the inputs of the layers from the last to the first.
     gradients: Vec<DMatrix<f32>>,
+    /// Values of the convolutions.
+    filters: Vec<FilterTrace>,
+    /// Gradients with respect to the values of the convolutions.
+    filter_gradients: Vec<FilterGradients>,
 }
 
 impl PerceptronTrace {
@@ -174,7 +83,28 @@ impl Perceptron {
             Dense::new(&(orthogonal(pair[1], pair[0], random) * gain))
         };
         let layers = sizes.windows(2).enumerate().map(layer).collect();
-        Self { layers, function: Function::Tanh }
+        Self { encoder: None, layers, function: Function::Tanh }
+    }
+
+    /// Adds convolutions before the first layer.
+    ///
+    /// # Panics
+    ///
+    /// If the number of outputs of the encoder is not the number of inputs of the first layer.
+    #[must_use]
+    pub fn with_encoder(self, encoder: ImageEncoder) -> Self {
+        assert_eq!(encoder.outputs(), self.layers[0].inputs, "outputs of the encoder");
+        Self { encoder: Some(encoder), ..self }
+    }
+
+    /// Returns the convolutions before the first layer.
+    pub fn encoder(&self) -> Option<&ImageEncoder> {
+        self.encoder.as_ref()
+    }
+
+    /// Returns the number of inputs.
+    pub fn inputs(&self) -> usize {
+        self.encoder.as_ref().map_or(self.layers[0].inputs, ImageEncoder::inputs)
     }
 
     /// Replaces the activation function between the layers.
@@ -184,13 +114,16 @@ impl Perceptron {
 
     /// Returns the number of parameters.
     pub fn parameters(&self) -> usize {
-        self.layers.iter().map(Dense::parameters).sum()
+        let convolutions = self.encoder.as_ref().map_or(0, ImageEncoder::parameters);
+        convolutions + self.layers.iter().map(Dense::parameters).sum::<usize>()
     }
 
-    /// Returns all parameters: for each layer the weights, column by column, then the biases.
+    /// Returns all parameters: for each convolution, then for each layer, the weights, column by column, then
+    /// the biases.
     pub fn to_vec(&self) -> Vec<f32> {
-        let slices = self.layers.iter().flat_map(|layer| [&layer.weights[..], &layer.bias]);
-        slices.collect::<Vec<_>>().concat()
+        let convolutions = self.encoder.iter().flat_map(ImageEncoder::slices);
+        let layers = self.layers.iter().flat_map(|layer| [&layer.weights[..], &layer.bias]);
+        convolutions.chain(layers).collect::<Vec<_>>().concat()
     }
 
     /// Replaces all parameters, in the order of [`to_vec`](Self::to_vec).
@@ -201,6 +134,11 @@ impl Perceptron {
     pub fn set(&mut self, parameters: &[f32]) {
         assert_eq!(parameters.len(), self.parameters(), "number of parameters");
         let mut rest = parameters;
+        if let Some(encoder) = &mut self.encoder {
+            let (own, others) = rest.split_at(encoder.parameters());
+            encoder.set(own);
+            rest = others;
+        }
         for layer in &mut self.layers {
             let (own, others) = rest.split_at(layer.parameters());
             layer.set(own);
@@ -216,7 +154,7 @@ impl Perceptron {
 
     /// Computes the output and returns it in a trace with the inputs of all layers.
     pub fn forward(&self, input: DMatrix<f32>) -> PerceptronTrace {
-        let mut trace = PerceptronTrace { values: vec![input], gradients: vec![] };
+        let mut trace = PerceptronTrace { values: vec![input], ..PerceptronTrace::default() };
         self.run(&mut trace);
         trace
     }
@@ -226,23 +164,33 @@ impl Perceptron {
     /// # Panics
     ///
     /// If the trace has no input, or the number of values per sample is wrong.
-    pub fn run(&self, PerceptronTrace { values, .. }: &mut PerceptronTrace) {
-        assert_eq!(values.first().map(DMatrix::nrows), Some(self.layers[0].inputs), "inputs");
-        values.resize_with(self.layers.len() + 1, DMatrix::default);
+    pub fn run(&self, PerceptronTrace { values, filters, .. }: &mut PerceptronTrace) {
+        assert_eq!(values.first().map(DMatrix::nrows), Some(self.inputs()), "inputs");
+        let first = self.first();
+        values.resize_with(first + self.layers.len() + 1, DMatrix::default);
+        if let Some(encoder) = &self.encoder {
+            let (input, encoded) = values.split_at_mut(1);
+            encoder.forward(&input[0], filters, &mut encoded[0]);
+        }
         for (index, layer) in self.layers.iter().enumerate() {
-            let (before, after) = values.split_at_mut(index + 1);
-            layer.forward(&before[index], &mut after[0]);
+            let (before, after) = values.split_at_mut(first + index + 1);
+            layer.forward(&before[first + index], &mut after[0]);
             if index + 1 < self.layers.len() {
                 self.function.apply(after[0].as_mut_slice());
             }
         }
     }
 
+    /// Returns the index of the first layer's input among the values of a trace.
+    fn first(&self) -> usize {
+        usize::from(self.encoder.is_some())
+    }
+
     /// Returns the gradient of a loss with respect to all parameters, summed over the batch. `output` is the
     /// gradient with respect to the outputs. Parameters are in the order of [`to_vec`](Self::to_vec).
     pub fn gradients(&self, trace: &PerceptronTrace, output: DMatrix<f32>) -> Vec<f32> {
-        let mut parameters = vec![0.0; self.parameters()];
-        self.propagate(&trace.values, &mut vec![output], Some(&mut parameters));
+        let (mut gradients, mut parameters) = (vec![output], vec![0.0; self.parameters()]);
+        self.write_parameters(trace, &mut gradients, &mut Vec::new(), &mut parameters);
         parameters
     }
 
@@ -260,36 +208,85 @@ impl Perceptron {
         parameters: &mut [f32],
     ) {
         assert_eq!(parameters.len(), self.parameters(), "number of parameters");
-        let PerceptronTrace { values, gradients } = trace;
-        let last = &values[self.layers.len()];
+        let mut gradients = core::mem::take(&mut trace.gradients);
+        let last = trace.output();
         gradients.resize_with(gradients.len().max(1), DMatrix::default);
         resize(&mut gradients[0], last.nrows(), last.ncols());
         output(last.as_slice(), gradients[0].as_mut_slice());
-        self.propagate(values, gradients, Some(parameters));
+        let mut filter_gradients = core::mem::take(&mut trace.filter_gradients);
+        self.write_parameters(trace, &mut gradients, &mut filter_gradients, parameters);
+        (trace.gradients, trace.filter_gradients) = (gradients, filter_gradients);
+    }
+
+    /// Writes the gradient with respect to all parameters. The first gradient is with respect to the outputs.
+    fn write_parameters(
+        &self,
+        trace: &PerceptronTrace,
+        gradients: &mut Vec<DMatrix<f32>>,
+        filter_gradients: &mut Vec<FilterGradients>,
+        parameters: &mut [f32],
+    ) {
+        let values = &trace.values[self.first()..];
+        let Some(encoder) = &self.encoder else {
+            self.propagate(values, gradients, Some(parameters), false);
+            return;
+        };
+        let (own, others) = parameters.split_at_mut(encoder.parameters());
+        self.propagate(values, gradients, Some(others), true);
+        let encoded = &gradients[self.layers.len()];
+        encoder.backward((&trace.filters, encoded), filter_gradients, Some(own), None);
     }
 
     /// Returns the gradient of a loss with respect to the inputs. Each column is a sample. `output` is the
     /// gradient with respect to the outputs.
     pub fn input_gradients(&self, trace: &PerceptronTrace, output: DMatrix<f32>) -> DMatrix<f32> {
+        let encoded = self.encoded_gradients(trace, output);
+        let Some(encoder) = &self.encoder else { return encoded };
+        let mut input = DMatrix::default();
+        encoder.backward((&trace.filters, &encoded), &mut Vec::new(), None, Some(&mut input));
+        input
+    }
+
+    /// Returns the gradient of a loss with respect to the last `count` inputs, one sample per column.
+    /// `output` is the gradient with respect to the outputs.
+    ///
+    /// # Panics
+    ///
+    /// If one of these inputs is a pixel of an encoded image, or there are fewer inputs.
+    pub fn last_input_gradients(
+        &self,
+        trace: &PerceptronTrace,
+        output: DMatrix<f32>,
+        count: usize,
+    ) -> DMatrix<f32> {
+        let most = self.encoder.as_ref().map_or(self.inputs(), ImageEncoder::trailing);
+        assert!(count <= most, "{count} inputs, {most} after the last image");
+        // the encoder keeps the order of these inputs
+        let encoded = self.encoded_gradients(trace, output);
+        encoded.rows(encoded.nrows() - count, count).into_owned()
+    }
+
+    /// Returns the gradient with respect to the inputs of the first layer.
+    fn encoded_gradients(&self, trace: &PerceptronTrace, output: DMatrix<f32>) -> DMatrix<f32> {
         let mut gradients = vec![output];
-        self.propagate(&trace.values, &mut gradients, None);
+        self.propagate(&trace.values[self.first()..], &mut gradients, None, true);
         gradients.swap_remove(self.layers.len())
     }
 
     /// Propagates the first gradient, with respect to the outputs, back through the layers; each following
     /// gradient is with respect to a layer's input, starting with the last layer. Writes the gradient with
-    /// respect to all parameters or, without `parameters`, to the first input.
+    /// respect to the parameters of the layers, and to the input of the first layer if `to_input`.
     fn propagate(
         &self,
         values: &[DMatrix<f32>],
         gradients: &mut Vec<DMatrix<f32>>,
         mut parameters: Option<&mut [f32]>,
+        to_input: bool,
     ) {
         gradients.resize_with(self.layers.len() + 1, DMatrix::default);
         for (back, (index, layer)) in self.layers.iter().enumerate().rev().enumerate() {
             let (known, next) = gradients.split_at_mut(back + 1);
             let gradient = &known[back];
-            let is_whole = parameters.is_some();
             if let Some(rest) = parameters.take() {
                 let (before, own) = rest.split_at_mut(rest.len() - layer.parameters());
                 layer.gradients(&values[index], gradient, own);
@@ -298,25 +295,11 @@ impl Perceptron {
             if index > 0 {
                 layer.backward(gradient, &mut next[0]);
                 self.function.scale_by_slopes(next[0].as_mut_slice(), values[index].as_slice());
-            } else if !is_whole {
+            } else if to_input {
                 layer.backward(gradient, &mut next[0]);
             }
         }
     }
-}
-
-/// Returns a uniformly distributed matrix with orthonormal rows or columns.
-fn orthogonal(rows: usize, columns: usize, random: &mut Pcg64) -> DMatrix<f32> {
-    let (long, short) = (rows.max(columns), rows.min(columns));
-    let normal = DMatrix::<f64>::from_fn(long, short, |_, _| StandardNormal.sample(random));
-    let (mut q, r) = normal.qr().unpack();
-    for (mut column, diagonal) in q.column_iter_mut().zip(r.diagonal().iter()) {
-        if *diagonal < 0.0 {
-            column.neg_mut();
-        }
-    }
-    let q = q.map(|entry| entry as f32);
-    if rows >= columns { q } else { q.transpose() }
 }
 
 #[cfg(test)]

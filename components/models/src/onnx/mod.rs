@@ -24,6 +24,7 @@ mod recurrent;
 mod spatial;
 mod tensor;
 mod write;
+mod write_convolutions;
 
 use prost::Message as _;
 
@@ -35,6 +36,7 @@ pub use error::OnnxError;
 pub use input::{Input, Length};
 use proto::ModelProto;
 pub use write::{GruLayer, write_choice, write_gru, write_gru_choice, write_mlp};
+pub use write_convolutions::{ImageInput, write_convolutions};
 
 /// A network as stored in a file.
 #[derive(Clone, Debug, PartialEq)]

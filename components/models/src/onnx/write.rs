@@ -54,7 +54,7 @@ fn real(name: &str, f: f32) -> Attribute {
     Attribute { name: name.to_owned(), f, kind: REAL, ..Attribute::default() }
 }
 
-fn model(graph: GraphProto, metadata: &[(&str, &str)]) -> Vec<u8> {
+pub(super) fn model(graph: GraphProto, metadata: &[(&str, &str)]) -> Vec<u8> {
     let entry = |(key, value): &(&str, &str)| Entry { key: (*key).to_owned(), value: (*value).to_owned() };
     let model = ModelProto {
         ir_version: 8,
@@ -67,7 +67,7 @@ fn model(graph: GraphProto, metadata: &[(&str, &str)]) -> Vec<u8> {
 }
 
 /// Adds the node of an activation; returns the name of its output.
-fn activate(graph: &mut GraphProto, activation: Unary, input: &str) -> String {
+pub(super) fn activate(graph: &mut GraphProto, activation: Unary, input: &str) -> String {
     let output = format!("{input}_activated");
     let (operator, attribute) = match activation {
         Unary::Relu => ("Relu", None),
@@ -97,7 +97,7 @@ fn activate(graph: &mut GraphProto, activation: Unary, input: &str) -> String {
 }
 
 /// Adds dense layers with an activation between them; returns the name and the width of the last layer.
-fn dense(
+pub(super) fn dense(
     graph: &mut GraphProto,
     input: (&str, usize),
     layers: &[(Vec<f32>, Vec<f32>)],
@@ -198,6 +198,18 @@ fn choose(graph: &mut GraphProto, (last, choices): (&str, usize), table: &[f32])
     width
 }
 
+/// Adds the output `actions`: the last layer, or the row of `table` with the largest output. Returns its
+/// width.
+pub(super) fn act(graph: &mut GraphProto, last: (&str, usize), table: Option<&[f32]>) -> usize {
+    match table {
+        Some(table) => choose(graph, last, table),
+        None => {
+            graph.node.push(node("Identity", &[last.0], &["actions"]));
+            last.1
+        }
+    }
+}
+
 /// A layer of gated recurrent units (update, reset, candidate; the reset gate scales the recurrent product,
 /// as in PyTorch).
 #[derive(Clone, Debug, PartialEq)]
@@ -267,13 +279,7 @@ fn gru_model(
     graph.node.push(unit);
     graph.node.push(node("Squeeze", &["h_out", "first"], &["state"]));
     let (last, outputs) = dense(&mut graph, ("state", hidden), layers, activation);
-    let width = match table {
-        Some(table) => choose(&mut graph, (&last, outputs), table),
-        None => {
-            graph.node.push(node("Identity", &[&last], &["actions"]));
-            outputs
-        }
-    };
+    let width = act(&mut graph, (&last, outputs), table);
     graph.input.push(port("obs", &[(0, "rows"), (inputs, "")]));
     graph.input.push(port("h_in", &[(1, ""), (0, "rows"), (hidden, "")]));
     graph.output.push(port("actions", &[(0, "rows"), (width, "")]));

@@ -185,18 +185,18 @@ fn with_camera(text: &str, task: &toml::Table) -> String {
         config = toml::Value::Table(toml::Table::from_iter([(key.to_owned(), config)]));
     }
     let config = toml::to_string(&config).unwrap();
-    let (wire, wired) =
-        ("joint_state = \"state\"", "joint_state = \"state\", eye_depth = \"depth\", eye_grey = \"grey\"");
+    let wire = "joint_state = \"state\"";
+    let wired = format!("{wire}, eye_depth = \"depth\", eye_grey = \"grey\", eye_info = \"info\"");
     let (before, task_and_policy) = text.split_once("[component.task]").unwrap();
     let (task_and_policy, after) = task_and_policy.split_once("[component.drives]").unwrap();
-    let seeing = task_and_policy.replace(wire, wired);
+    let seeing = task_and_policy.replace(wire, &wired);
     format!(
         r#"{before}[component.eye]
 kind = "sensor.depth_camera"
 robot = "one"
 rate = "50 Hz"
 subscribe = {{ joint_state = "state" }}
-publish = {{ depth = "depth", grey = "grey" }}
+publish = {{ depth = "depth", grey = "grey", info = "info" }}
 
 {config}
 
@@ -344,10 +344,9 @@ fn discrete_actions_agree_to_the_bit() {
     assert_agree("cart-pole", folder.path(), &task, graph_text(&table, true));
 }
 
-#[test]
-fn images_of_a_camera_agree_to_the_bit() {
-    let folder = tempfile::tempdir().unwrap();
-    let (task, table) = prepare("cart-pole-camera", folder.path(), |table| {
+/// Prepares the cart-pole with a camera `eye` that sees a wall in depth and in grey.
+fn prepare_images(folder: &Path) -> (Task, toml::Table) {
+    prepare("cart-pole-camera", folder, |table| {
         let world = "ground = { height = -0.2 }\n            objects = [{ name = \"wall\", shape = { box = { size = [0.1, 1.0, 0.9] } }, position = [2.0, 0.0, 0.5] }]";
         table.insert("world".into(), toml::Value::Table(world.parse().unwrap()));
         let cameras = table["cameras"].as_table_mut().unwrap();
@@ -356,10 +355,35 @@ fn images_of_a_camera_agree_to_the_bit() {
         cameras.insert("eye".into(), eye);
         let image = "observations = [{ term = \"depth_image\", camera = \"eye\", range = [0.3, 3.5] },             { term = \"grey_image\", camera = \"eye\" }, { term = \"joint_positions\" }]";
         table.extend(image.parse::<toml::Table>().unwrap());
-    });
-    let text = with_camera(&graph_text(&table, true), &table);
+    })
+}
+
+/// Returns the graph of these images and their world.
+fn graph_of_images(table: &toml::Table) -> String {
     let world = toml::Table::from_iter([("world".to_owned(), table["world"].clone())]);
-    let text = format!("{text}\n{}", toml::to_string(&world).unwrap());
+    format!("{}\n{}", with_camera(&graph_text(table, true), table), toml::to_string(&world).unwrap())
+}
+
+#[test]
+fn images_of_another_shape_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let (_, mut table) = prepare_images(folder.path());
+    let eye = table["cameras"]["eye"].as_table_mut().unwrap();
+    // as many pixels as in training
+    assert_eq!((eye["width"].as_integer(), eye["height"].as_integer()), (Some(16), Some(12)));
+    eye.insert("width".into(), 12.into());
+    eye.insert("height".into(), 16.into());
+    let mut session = launch(folder.path(), graph_of_images(&table));
+    let error = (0..100).find_map(|_| session.step().err()).expect("no step uses these images").to_string();
+    let expected = "image of `eye`: 12 x 16 pixels, expected 16 x 12 as in the policy";
+    assert!(error.contains(expected), "{error}");
+}
+
+#[test]
+fn images_of_a_camera_agree_to_the_bit() {
+    let folder = tempfile::tempdir().unwrap();
+    let (task, table) = prepare_images(folder.path());
+    let text = graph_of_images(&table);
     let records = assert_agree("cart-pole-camera", folder.path(), &task, text);
     let seen: HashSet<u64> =
         records[0].observations.iter().flat_map(|numbers| &numbers[..192]).copied().collect();
