@@ -172,7 +172,11 @@ fn a_homing_beyond_the_limits_of_its_joint_is_refused() {
             "effort = 21.0, position = 2.9",
             "an effort beyond the joint's limit, 20.000",
         ),
-        ("position = 2.9", "position = 3.0", "it ends at 2.9500, outside the joint's range of -2.9000 to 2.9000"),
+        (
+            "position = 2.9",
+            "position = 3.0",
+            "it ends at 2.9500, outside the joint's range of -2.9000 to 2.9000",
+        ),
     ] {
         let folder = Folder::new("homing-limits", &PLANAR.replacen(from, to, 1));
         let text = graph(&folder, "", "").check().unwrap_err().render(false);
