@@ -10,17 +10,17 @@ mod wheels;
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
 
-use nalgebra::{DVector, Isometry3};
+use nalgebra::DVector;
 
 use drives::{gains, is_passive, limits};
 use home::draft_home;
 use limbs::{Limb, Limbs};
 use stance::{Contact, Stance, stand};
-use text::{key, micrometres, numbers, quoted, rounded, strings};
+use text::{base_pose, key, numbers, quoted, rounded, strings};
 use wheels::Wheels;
 
 use crate::model::configuration::with_joints;
-use crate::{BaseMode, BasePose, Kinematics, Loaded, Model};
+use crate::{BaseMode, Kinematics, Loaded, Model};
 
 /// Returns a draft of the profile of `robot` (its poses, gains, feet and end effectors): a commented TOML
 /// text that is ready to use.
@@ -150,12 +150,6 @@ fn poses(robot: &Loaded, home: &DVector<f64>, moves_freely: bool, stance: Option
         text += &base_pose(&key(&posture.name), &base);
     }
     text
-}
-
-fn base_pose(key: &str, pose: &Isometry3<f64>) -> String {
-    let BasePose { position, rpy } = BasePose::from_isometry(pose);
-    let list = |values: [f64; 3]| values.map(|value| format!("{:?}", micrometres(value))).join(", ");
-    format!("{key} = {{ position = [{}], rpy = [{}] }}\n", list(position), list(rpy))
 }
 
 fn feet(model: &Model, stance: &Stance) -> String {

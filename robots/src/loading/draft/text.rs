@@ -2,6 +2,10 @@
 
 use std::fmt::Write as _;
 
+use nalgebra::Isometry3;
+
+use crate::BasePose;
+
 /// Maximum width of a line, in characters.
 const WIDTH: usize = 100;
 
@@ -57,4 +61,11 @@ pub(super) fn list(key: &str, values: impl Iterator<Item = String>) -> String {
     }
     let _ = writeln!(text, "    {}\n]", line.trim_end());
     text
+}
+
+/// Formats the entry of a base pose.
+pub(super) fn base_pose(key: &str, pose: &Isometry3<f64>) -> String {
+    let BasePose { position, rpy } = BasePose::from_isometry(pose);
+    let list = |values: [f64; 3]| values.map(|value| format!("{:?}", micrometres(value))).join(", ");
+    format!("{key} = {{ position = [{}], rpy = [{}] }}\n", list(position), list(rpy))
 }

@@ -4,9 +4,8 @@ use std::fmt::Write as _;
 
 use nalgebra::{Isometry3, Point3, Vector3};
 
-use super::base_pose;
 use super::stance::{Corner, solid_corners};
-use super::text::{key, micrometres, quoted, strings};
+use super::text::{base_pose, key, micrometres, quoted, strings};
 use crate::loading::end_effector::tip_joints;
 use crate::model::configuration::with_joints;
 use crate::{Attachment, CollisionModel, CollisionOptions, FrameId, JointKind, Kinematics, MeshMode, Model};
