@@ -53,9 +53,9 @@ pub struct A2cSettings {
     pub value: f64,
     /// Maximum norm of a gradient, more than 0. Default 0.5.
     pub gradient: f64,
-    /// Convolutions of each image among the observations, before the hidden layers of policy and value. The images of a
-    /// history are the channels of one image; ReLU follows each convolution. Default: none, pixels are inputs
-    /// of the first hidden layer.
+    /// Convolutions of each image among the observations, before the hidden layers of policy and value.
+    /// The images of a history are the channels of one image; ReLU follows each convolution. Default: none,
+    /// pixels are inputs of the first hidden layer.
     pub convolutions: Vec<ConvolutionSettings>,
     /// Number of hidden units of each layer of the policy and value networks. Default 64 and 64.
     pub hidden: Vec<usize>,

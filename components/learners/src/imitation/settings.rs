@@ -27,9 +27,9 @@ pub struct ImitationSettings {
     pub rate: f64,
     /// `true` lowers the learning rate linearly to 0 over the passes of an iteration. Default false.
     pub anneal: bool,
-    /// Convolutions of each image among the observations, before the hidden layers of the network. The images of a
-    /// history are the channels of one image; ReLU follows each convolution. Default: none, pixels are inputs
-    /// of the first hidden layer.
+    /// Convolutions of each image among the observations, before the hidden layers of the network.
+    /// The images of a history are the channels of one image; ReLU follows each convolution. Default: none,
+    /// pixels are inputs of the first hidden layer.
     pub convolutions: Vec<ConvolutionSettings>,
     /// Number of hidden units of each layer; an empty list means a linear policy. Default 64 and 64.
     pub hidden: Vec<usize>,

@@ -254,7 +254,7 @@ fn convolutions_fit_recorded_images() {
     assert!(loss < 0.02, "{loss}");
     let found = imitation.regression.predict(&shown.observations[..386])[0];
     assert!((found + 1.0).abs() < 0.3, "{found}");
-    let error = Regression::new(386, vec![true], settings, 1).err().expect("no images").to_string();
+    let error = Regression::new(386, vec![true], settings, 1).expect_err("no images").to_string();
     assert!(error.contains("`algorithms.dagger.convolutions`: found 1, expected none"), "{error}");
 }
 

@@ -124,7 +124,7 @@ mod tests {
 
     #[test]
     fn entries_of_a_range_share_one_deviation() {
-        let ranges = vec![1..3];
+        let ranges = core::iter::once(1..3).collect();
         let mut normaliser = Normaliser::new(3).with_shared_deviations(ranges);
         assert_eq!(normaliser.deviations(), [1.0; 3]);
         normaliser.update(&[1.0, 2.0, 5.0, 3.0, 4.0, 5.0]);

@@ -32,9 +32,9 @@ pub struct ReplaySettings {
     pub polyak: f64,
     /// Learning rate of Adam, more than 0.
     pub rate: f64,
-    /// Convolutions of each image among the observations, before the hidden layers of all networks. The images of a
-    /// history are the channels of one image; ReLU follows each convolution. Default: none, pixels are inputs
-    /// of the first hidden layer.
+    /// Convolutions of each image among the observations, before the hidden layers of all networks.
+    /// The images of a history are the channels of one image; ReLU follows each convolution. Default: none,
+    /// pixels are inputs of the first hidden layer.
     pub convolutions: Vec<ConvolutionSettings>,
     /// Number of hidden units of each layer.
     pub hidden: Vec<usize>,
