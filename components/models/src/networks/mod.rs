@@ -2,7 +2,7 @@
 //!
 //! - [`ConvolutionalNetwork`]: two convolutions and two dense layers on a grey image.
 //! - [`differentiable`]: layers with backward passes, for any network.
-//! - [`Perceptron`]: a multilayer perceptron on batches, with an [`ImageEncoder`] for images among its inputs.
+//! - [`Perceptron`]: a multilayer perceptron on batches, with an [`ImageEncoder`] for images.
 //! - [`Adam`]: the stochastic gradient method used for training.
 
 mod adam;
