@@ -3,7 +3,7 @@
 //!
 //! - [`ConvolutionalNetwork`]: two convolutions and two dense layers on a grey image.
 //! - [`differentiable`]: layers with backward passes, to build other networks.
-//! - [`Perceptron`]: a multilayer perceptron on batches, with an [`ImageEncoder`] for images among its inputs.
+//! - [`Perceptron`]: a multilayer perceptron on batches, with an [`ImageEncoder`] for its images.
 //! - [`Adam`]: the stochastic gradient method used for training.
 
 mod adam;
