@@ -179,7 +179,7 @@ mod tests {
 
     #[test]
     fn unwritable_folder_is_refused_before_the_work() {
-        use std::os::unix::fs::PermissionsExt as _;
+        use std::os::unix::fs::PermissionsExt;
         let folder = tempfile::tempdir().expect("a folder");
         std::fs::set_permissions(folder.path(), PermissionsExt::from_mode(0o555)).expect("its owner");
         let file = folder.path().join("a.svg");
