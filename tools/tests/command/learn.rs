@@ -348,8 +348,12 @@ fn walking_by_bayesian_optimisation_is_reproduced() {
     let read = |folder: &str, name: &str| {
         std::fs::read_to_string(format!("{folder}/{name}")).unwrap_or_else(|error| panic!("{name}: {error}"))
     };
-    for name in ["locomotion-evaluations.csv", "locomotion-speed.csv", "locomotion-gait.toml", "claims.json"]
-    {
+    for name in [
+        "locomotion-evaluations.csv",
+        "locomotion-speed.csv",
+        "locomotion-gait.toml",
+        "locomotion-claims.json",
+    ] {
         assert_eq!(read(&first, name), read(&second, name), "{name}");
     }
     assert_eq!(read(&first, "locomotion-evaluations.csv").lines().count(), 1 + 3 * 2 * 7);
@@ -383,8 +387,12 @@ fn balls_caught_by_policy_search_are_reproduced() {
     let read = |folder: &str, name: &str| {
         std::fs::read_to_string(format!("{folder}/{name}")).unwrap_or_else(|error| panic!("{name}: {error}"))
     };
-    for name in ["ball-in-cup-trials.csv", "ball-in-cup-return.csv", "ball-in-cup-caught.csv", "claims.json"]
-    {
+    for name in [
+        "ball-in-cup-trials.csv",
+        "ball-in-cup-return.csv",
+        "ball-in-cup-caught.csv",
+        "ball-in-cup-claims.json",
+    ] {
         assert_eq!(read(&first, name), read(&second, name), "{name}");
     }
     // after 0 and 10 rollouts; three spaces, two numbers of weights, two seeds
@@ -409,7 +417,7 @@ fn cart_poles_by_imitation_are_reproduced() {
     let read = |folder: &str, name: &str| {
         std::fs::read_to_string(format!("{folder}/{name}")).unwrap_or_else(|error| panic!("{name}: {error}"))
     };
-    for name in ["cartpole-returns.csv", "cartpole-power.csv", "cartpole-ppo.csv", "claims.json"] {
+    for name in ["cartpole-returns.csv", "cartpole-power.csv", "cartpole-ppo.csv", "cartpole-claims.json"] {
         assert_eq!(read(&first, name), read(&second, name), "{name}");
     }
     // PoWER after 0, 10 and 20 episodes, PPO after 0 and all updates; with and without imitation, two seeds

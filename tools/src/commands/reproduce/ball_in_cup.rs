@@ -65,7 +65,7 @@ impl BallInCup {
         let task = Task::parse(&text).with_context(file)?;
         let base = self.task.parent().unwrap_or(Path::new(""));
         let trials = self.seeds * (Weights::ALL.len() * settings.weights.len()) as u64;
-        let mut writer = FigureWriter::new(self.output.clone(), trials, self.overwrite)?;
+        let mut writer = FigureWriter::new(self.output.clone(), "ball-in-cup", trials, self.overwrite)?;
         let began = Instant::now();
         let study = Study::run(&task, base, &settings, threads(self.threads), || writer.bar.inc(1))?;
         let seconds = began.elapsed().as_secs_f64();

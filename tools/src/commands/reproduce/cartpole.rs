@@ -67,7 +67,7 @@ impl Cartpole {
             steps: self.steps,
         };
         let trials = self.seeds * (1 + (Method::ALL.len() * Beginning::ALL.len()) as u64);
-        let mut writer = FigureWriter::new(self.output.clone(), trials, self.overwrite)?;
+        let mut writer = FigureWriter::new(self.output.clone(), "cartpole", trials, self.overwrite)?;
         let (task, began) = (Task::parse(TASK)?, Instant::now());
         let study =
             Study::run(&task, Path::new("."), &settings, threads(self.threads), || writer.bar.inc(1))?;

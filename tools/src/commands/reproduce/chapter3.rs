@@ -75,7 +75,7 @@ impl Chapter3 {
         let spring = SampledSpring::new(self.samples, DAMPING)?;
         let steps = 24 + self.epochs as u64 * self.networks + 5 * self.splits;
         let of = self.figures_depend_on();
-        let mut writer = FigureWriter::resuming(self.output.clone(), steps, of, self.restart)?;
+        let mut writer = FigureWriter::resuming(self.output.clone(), "chapter3", steps, of, self.restart)?;
         let (seen, held) = all.hold_out(5);
         anyhow::ensure!(
             !held.trajectories.is_empty(),

@@ -266,7 +266,7 @@ impl Chapter4 {
             "splits": self.splits,
             "iterations": self.iterations,
         });
-        let mut writer = FigureWriter::resuming(self.output.clone(), 16, of, self.restart)?;
+        let mut writer = FigureWriter::resuming(self.output.clone(), "chapter4", 16, of, self.restart)?;
         writer.part("transfer", |writer| self.transfer(writer, &human, &source))?;
         for robot in ROBOTS {
             let part = format!("few poses of {robot}");

@@ -114,7 +114,7 @@ impl Locomotion {
         ensure!((0.1..=600.0).contains(&self.seconds), "--seconds is {}, expected 0.1 to 600", self.seconds);
         let rollout = self.rollout()?;
         let runs = self.seeds * (1 + self.evaluations * Searcher::ALL.len() as u64);
-        let mut writer = FigureWriter::new(self.output.clone(), runs, self.overwrite)?;
+        let mut writer = FigureWriter::new(self.output.clone(), "locomotion", runs, self.overwrite)?;
         let (study, seconds) = self.study(&rollout, &writer)?;
         charts(&mut writer, &study)?;
         writer.write("locomotion-evaluations.csv", &table(&study))?;

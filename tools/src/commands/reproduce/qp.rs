@@ -71,7 +71,7 @@ impl Qp {
         let profile = robot.profile.as_ref();
         let profile = profile.ok_or_else(|| anyhow::anyhow!("robot `{}` has no profile", self.robot))?;
         let (home, hand) = (profile.home(model)?, robot.end_effector(None)?);
-        let mut writer = FigureWriter::new(self.output.clone(), 4, self.overwrite)?;
+        let mut writer = FigureWriter::new(self.output.clone(), "qp", 4, self.overwrite)?;
         let mut runs = Vec::new();
         for stack in TaskStack::ALL {
             runs.push(run_stack(model, home.as_slice(), hand, stack, self.seconds)?);

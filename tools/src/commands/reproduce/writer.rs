@@ -43,6 +43,8 @@ struct Progress {
 /// Writer of the figures, and collector of the claims.
 pub(super) struct FigureWriter {
     folder: PathBuf,
+    /// Name of the experiment, such as `locomotion`.
+    experiment: &'static str,
     pub(super) bar: ProgressBar,
     pub(super) files: Vec<PathBuf>,
     pub(super) claims: Vec<Claim>,
@@ -54,20 +56,26 @@ pub(super) struct FigureWriter {
     replaces: bool,
 }
 
-/// File in the folder of the figures that records the progress.
-const PROGRESS: &str = "progress.json";
-/// File with the claims, written last.
-const CLAIMS: &str = "claims.json";
-
 impl FigureWriter {
-    /// Creates a writer. Figures and claims of an earlier run are replaced on request only.
-    pub(super) fn new(folder: PathBuf, steps: u64, overwrite: Overwrite) -> anyhow::Result<Self> {
-        let writer = Self::open(folder, steps, ("--overwrite", overwrite.is_given()))?;
-        writer.refuse_existing(&writer.folder.join(CLAIMS))?;
+    /// Creates a writer. Figures and claims of an earlier run are replaced on request only. The names of the
+    /// claims and of the progress begin with the experiment, so several experiments can share a folder.
+    pub(super) fn new(
+        folder: PathBuf,
+        experiment: &'static str,
+        steps: u64,
+        overwrite: Overwrite,
+    ) -> anyhow::Result<Self> {
+        let writer = Self::open(folder, experiment, steps, ("--overwrite", overwrite.is_given()))?;
+        writer.refuse_existing(&writer.claims_file())?;
         Ok(writer)
     }
 
-    fn open(folder: PathBuf, steps: u64, (option, replaces): (&'static str, bool)) -> anyhow::Result<Self> {
+    fn open(
+        folder: PathBuf,
+        experiment: &'static str,
+        steps: u64,
+        (option, replaces): (&'static str, bool),
+    ) -> anyhow::Result<Self> {
         check_folder(&folder)?;
         std::fs::create_dir_all(&folder).with_context(|| folder.display().to_string())?;
         let bar = ProgressBar::new(steps);
@@ -77,7 +85,21 @@ impl FigureWriter {
             bar.set_style(style);
         }
         let (files, claims) = (Vec::new(), Vec::new());
-        Ok(Self { folder, bar, files, claims, progress: None, option, replaces })
+        Ok(Self { folder, experiment, bar, files, claims, progress: None, option, replaces })
+    }
+
+    /// Returns the path of the file with the claims, which is written last.
+    fn claims_file(&self) -> PathBuf {
+        self.folder.join(self.claims_name())
+    }
+
+    fn claims_name(&self) -> String {
+        format!("{}-claims.json", self.experiment)
+    }
+
+    /// Returns the path of the file that records the progress of work in parts.
+    fn progress_file(&self) -> PathBuf {
+        self.folder.join(format!("{}-progress.json", self.experiment))
     }
 
     /// Refuses to replace a file that this run did not write.
@@ -95,18 +117,19 @@ impl FigureWriter {
     /// in this folder.
     pub(super) fn resuming(
         folder: PathBuf,
+        experiment: &'static str,
         steps: u64,
         of: serde_json::Value,
         restart: bool,
     ) -> anyhow::Result<Self> {
-        let mut writer = Self::open(folder, steps, ("--restart", restart))?;
-        let file = writer.folder.join(PROGRESS);
+        let mut writer = Self::open(folder, experiment, steps, ("--restart", restart))?;
+        let file = writer.progress_file();
         let known = std::fs::read_to_string(&file).ok().filter(|_| !restart);
         let known = known.and_then(|text| serde_json::from_str::<Progress>(&text).ok());
         let known = known.filter(|progress| progress.of == of);
         writer.replaces |= known.is_some();
         writer.refuse_existing(&file)?;
-        writer.refuse_existing(&writer.folder.join(CLAIMS))?;
+        writer.refuse_existing(&writer.claims_file())?;
         writer.progress = Some(known.unwrap_or(Progress { of, parts: BTreeMap::new() }));
         Ok(writer)
     }
@@ -141,7 +164,7 @@ impl FigureWriter {
         };
         if let Some(progress) = &mut self.progress {
             progress.parts.insert(name.to_string(), part);
-            let path = self.folder.join(PROGRESS);
+            let path = self.progress_file();
             let text = serde_json::to_string_pretty(progress)?;
             std::fs::write(&path, text).with_context(|| path.display().to_string())?;
         }
@@ -174,7 +197,7 @@ impl FigureWriter {
     /// Writes the claims, and prints them.
     pub(super) fn finish(mut self, json: bool) -> anyhow::Result<ExitCode> {
         let claims = serde_json::to_string_pretty(&self.claims)?;
-        self.write(CLAIMS, &claims)?;
+        self.write(&self.claims_name(), &claims)?;
         self.bar.finish_and_clear();
         if json {
             let report = serde_json::json!({ "claims": self.claims, "files": self.shown_files() });
@@ -209,7 +232,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let run = |of: i32, restart: bool| {
             let path = folder.path().to_path_buf();
-            let mut writer = FigureWriter::resuming(path, 4, serde_json::json!(of), restart).unwrap();
+            let mut writer = FigureWriter::resuming(path, "one", 4, serde_json::json!(of), restart).unwrap();
             let mut done = 0;
             for name in ["one", "two"] {
                 let work = |writer: &mut FigureWriter| {
@@ -233,7 +256,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = || folder.path().to_path_buf();
         let resumed = |of: i32, restart: bool| {
-            FigureWriter::resuming(path(), 1, serde_json::json!(of), restart)
+            FigureWriter::resuming(path(), "one", 1, serde_json::json!(of), restart)
                 .map_err(|error| error.to_string())
         };
         let mut writer = resumed(1, false).unwrap();
@@ -241,20 +264,20 @@ mod tests {
         let refused = resumed(2, false).err().unwrap();
         assert!(
             refused.ends_with(
-                "progress.json exists: name another folder, or replace its figures with `--restart`"
+                "one-progress.json exists: name another folder, or replace its figures with `--restart`"
             ),
             "{refused}"
         );
         assert!(resumed(1, false).is_ok() && resumed(2, true).is_ok());
-        let mut other = FigureWriter::new(path(), 1, Overwrite::default()).unwrap();
+        let mut other = FigureWriter::new(path(), "other", 1, Overwrite::default()).unwrap();
         let refused = other.write("one.txt", "").unwrap_err().to_string();
         assert!(refused.contains("one.txt exists") && refused.ends_with("with `--overwrite`"), "{refused}");
         assert_eq!(std::fs::read_to_string(path().join("one.txt")).unwrap(), "mine");
         other.write("two.txt", "a").unwrap();
         other.write("two.txt", "b").unwrap();
         other.finish(true).unwrap();
-        let refused = FigureWriter::new(path(), 1, Overwrite::default()).err().unwrap().to_string();
-        assert!(refused.contains("claims.json exists"), "{refused}");
+        let refused = FigureWriter::new(path(), "other", 1, Overwrite::default()).err().unwrap().to_string();
+        assert!(refused.contains("other-claims.json exists"), "{refused}");
     }
 
     #[test]
@@ -262,7 +285,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let writer = || {
             let path = folder.path().to_path_buf();
-            FigureWriter::resuming(path, 1, serde_json::json!(1), false).unwrap()
+            FigureWriter::resuming(path, "one", 1, serde_json::json!(1), false).unwrap()
         };
         assert!(writer().part("one", |_| anyhow::bail!("no data")).is_err());
         let mut again = false;
