@@ -116,9 +116,9 @@ fn ranges_of_data_sheets_in_other_units_are_doubted() {
     assert_eq!(
         doubts("gyroscope = { bias = 5.0, range = 2000.0 }, accelerometer = { range = 16.0 }"),
         [
-            "`imu.config.gyroscope.range`: 2000 rad/s, expected at most 100 rad/s; if it is in degrees/s, write 34.91",
+            "`imu.config.accelerometer.range`: 16 m/s2, expected at least 19 m/s2; if it is in multiples of gravity, write 157",
             "`imu.config.gyroscope.bias`: 5 rad/s, expected at most 1 rad/s; if it is in degrees/s, write 0.08727",
-            "`imu.config.accelerometer.range`: 16 m/s2, expected at least 19 m/s2; if it is in multiples of gravity, write 157"
+            "`imu.config.gyroscope.range`: 2000 rad/s, expected at most 100 rad/s; if it is in degrees/s, write 34.91"
         ]
     );
     let error = graph("gravity = [0.0, 0.0, -9810.0]").0.check().expect_err("it is refused").render(false);

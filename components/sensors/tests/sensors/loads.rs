@@ -320,7 +320,7 @@ fn root_and_unknown_links_are_rejected() {
     for (config, expected) in [
         ("link = \"base\"", "`base` is the root"),
         ("link = \"rodd\"", "did you mean \"rod\"?"),
-        ("link = \"rod\", force = { noise = -1.0 }", "force.noise = -1"),
+        ("link = \"rod\", force = { noise = -1.0 }", "force.noise`: -1, expected"),
         ("", "missing"),
     ] {
         let sensor = force_torque(config).robot("rod").subscribe("joint_state", "rod/state");

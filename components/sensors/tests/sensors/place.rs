@@ -131,8 +131,8 @@ fn values_of_places_in_other_units_are_doubted() {
     );
     let origin = "origin = { latitude = 46.52, longitude = 6.57, altitude = 400000.0 }, heading = 90.0";
     let found = doubts::<AtPlace<Gps>>("fix", origin);
-    assert_eq!(found[0], "`origin.altitude`: 400000 m, expected at most 100000 m; if it is in mm, write 400");
-    assert!(found.len() == 2 && found[1].starts_with("`heading`: an angle of 90 rad"), "{found:?}");
+    assert!(found.len() == 2 && found[0].starts_with("`heading`: an angle of 90 rad"), "{found:?}");
+    assert_eq!(found[1], "`origin.altitude`: 400000 m, expected at most 100000 m; if it is in mm, write 400");
 }
 
 #[test]

@@ -82,14 +82,14 @@ fn distances_in_millimetres_are_doubted() {
     assert_eq!(
         lidar("most = 30000.0, distance = { noise = 30.0 }"),
         [
-            "`sensor.config.most`: 30000 m, expected at most 1000 m; if it is in mm, write 30",
-            "`sensor.config.distance.noise`: 30 m, expected at most 1 m; if it is in mm, write 0.03"
+            "`sensor.config.distance.noise`: 30 m, expected at most 1 m; if it is in mm, write 0.03",
+            "`sensor.config.most`: 30000 m, expected at most 1000 m; if it is in mm, write 30"
         ]
     );
     let ray = doubts(sensor::<AlongRays<RaySensor>>("range", "most = 4000.0"));
     assert_eq!(ray, ["`sensor.config.most`: 4000 m, expected at most 1000 m; if it is in mm, write 4"]);
     let scan = "size = [1600.0, 1000.0], spacing = 100.0, least = -2000.0, most = 1000.0";
-    let scan = doubts(sensor::<AlongRays<HeightScanSensor>>("height_scan", scan));
+    let scan = doubts(sensor::<AlongRays<HeightScanSensor>>("heights", scan));
     assert_eq!(scan.len(), 3, "{scan:?}");
     let wide = sensor::<AlongRays<Lidar>>("ranges", "field_of_view = 360.0");
     let graph = Graph::new("rays").robot("dog", "quadruped").with(truth()).with(wide);
