@@ -84,8 +84,8 @@ pub struct Tick {
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Episode {
-    /// Index of the episode in the run, counted from 0. Episode 0 begins with the run, without a call of `reset` or
-    /// `begin_episode`.
+    /// Index of the episode in the run, counted from 0. Episode 0 begins with the run, without a call of
+    /// `reset` or `begin_episode`.
     pub index: u64,
     /// The component's seed in this episode, derived from the episode's seed and the component's name. In the
     /// first episode, it equals [`Setup::seed`].

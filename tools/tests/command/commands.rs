@@ -29,8 +29,8 @@ fn help_has_an_example_and_fits_its_line_limit() {
         let help = command.render_long_help().to_string();
         assert!(help.contains(&format!("Example: motorium {words}")), "{words}: {help}");
         // Two have the options of recordings, forces and sizes, two the options of a graph, a clock and a
-        // recording, one the options of a robot, a pose and a picture, one the options of fits, one the options
-        // of four formats.
+        // recording, one the options of a robot, a pose and a picture, one the options of fits, one the
+        // options of four formats.
         let long = [
             "library build",
             "library evaluate",

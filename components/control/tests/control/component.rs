@@ -246,7 +246,7 @@ fn a_hand_keeps_its_box_and_speed_for_any_target() {
     assert_refused("{ limits = { frames = [{}] } }", &["limits.frames[0].frame", "neither a position"]);
     assert_refused(
         "{ limits = { frames = [{ z = [0.5, 0.4] }] } }",
-        &["limits.frames[0].z", "from 0.5 to 0.4"],
+        &["limits.frames[0].z", "the range 0.5 to 0.4 is too narrow"],
     );
 }
 
