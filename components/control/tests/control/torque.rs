@@ -123,11 +123,11 @@ fn invalid_torque_configurations_are_refused_by_key() {
     let (forces, accelerations) = ("unknowns = \"forces\"", "unknowns = \"accelerations\"");
     refused(
         alone(forces, "{ posture = {} }"),
-        &["tasks[0].posture", "motions of the joints", "contact forces alone"],
+        &["tasks[0].posture", "motions of the joints", "the only unknowns are contact forces"],
     );
     refused(
         alone(accelerations, "{ contact_wrench = { contact = \"panda_hand\" } }"),
-        &["tasks[0].contact_wrench", "acts on forces", "accelerations alone"],
+        &["tasks[0].contact_wrench", "acts on forces", "the only unknowns are accelerations"],
     );
     refused(
         alone("unknowns = \"forces\", braking = 5.0", "{ cartesian = {} }"),

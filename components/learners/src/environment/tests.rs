@@ -397,7 +397,7 @@ fn mistakes_in_cameras_are_named() {
         (
             "history = 2",
             "history = 2, pixels = [16, 12]",
-            "`observations[0].pixels`: found [16, 12], expected none",
+            "`observations[0].pixels`: found [16, 12], expected no value",
         ),
         ("history = 2", "range = [0.9, 0.3]", "`observations[0].range`: found [0.9, 0.3]"),
         (

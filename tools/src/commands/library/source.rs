@@ -19,8 +19,7 @@ pub(super) struct Source {
     /// Use only these degrees of freedom: names, or prefixes with `*`
     #[arg(long, value_delimiter = ',')]
     columns: Vec<String>,
-    /// Smooth the recordings with a Gaussian of this standard deviation, in samples; recommended for measured
-    /// recordings
+    /// Smooth measured recordings with a Gaussian of this standard deviation, in samples
     #[arg(long, default_value_t = 0.0, value_name = "SAMPLES", value_parser = from_zero)]
     smooth: f64,
     /// Cut the recordings into half-overlapping windows with this number of samples
