@@ -162,9 +162,9 @@ impl FigureWriter {
             claims: self.claims[claims..].to_vec(),
             steps: self.bar.position() - steps,
         };
+        let path = self.progress_file();
         if let Some(progress) = &mut self.progress {
             progress.parts.insert(name.to_string(), part);
-            let path = self.progress_file();
             let text = serde_json::to_string_pretty(progress)?;
             std::fs::write(&path, text).with_context(|| path.display().to_string())?;
         }
