@@ -406,7 +406,7 @@ fn mistakes_in_cameras_are_named() {
             "`observations[0].pixels`: found [2000, 12], expected 1 to 1024 columns and rows",
         ),
         ("width = 16", "width = 0", "`cameras.pole.width`: an image of 0 x 12 pixels"),
-        ("most = 0.9", "most = 0.2", "`cameras.pole.least`: least = 0.3: expected a distance"),
+        ("most = 0.9", "most = 0.2", "`cameras.pole.least`: 0.3, expected a distance"),
         ("most = 0.9", "most = 0.9\nlatency = \"10 ms\"", "`cameras.pole.latency`: found"),
         ("most = 0.9", "most = 0.9\ndrop_out = 0.1", "`cameras.pole.drop_out`: found 0.1"),
         ("most = 0.9", "most = 0.9\nseed = 3", "`cameras.pole.seed`: found 3"),

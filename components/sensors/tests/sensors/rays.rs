@@ -82,8 +82,8 @@ fn distances_in_millimetres_are_doubted() {
     assert_eq!(
         lidar("most = 30000.0, distance = { noise = 30.0 }"),
         [
-            "`sensor.config.distance.noise`: 30 m, expected at most 1 m; if it is in mm, write 0.03",
-            "`sensor.config.most`: 30000 m, expected at most 1000 m; if it is in mm, write 30"
+            "`sensor.config.most`: 30000 m, expected at most 1000 m; if it is in mm, write 30",
+            "`sensor.config.distance.noise`: 30 m, expected at most 1 m; if it is in mm, write 0.03"
         ]
     );
     let ray = doubts(sensor::<AlongRays<RaySensor>>("range", "most = 4000.0"));
