@@ -15,8 +15,7 @@ use crate::output::{Overwrite, make_folder};
 
 /// Train a network that writes letters from their pictures.
 ///
-/// Learns from recorded letters with two degrees of freedom. `motorium library write` and `policy.library`
-/// use the network.
+/// Learns from letters with two coordinates, for `motorium library write` and `policy.library`.
 ///
 /// Example: motorium library couple letters.jsonl --output letters.coupling
 #[derive(Debug, clap::Args)]
