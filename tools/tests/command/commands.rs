@@ -40,7 +40,8 @@ fn help_has_an_example_and_fits_its_line_limit() {
             "primitive fit",
             "model import",
         ];
-        let most = if long.contains(&words.as_str()) { 80 } else { 60 };
+        // three lines of these are `--overwrite`
+        let most = if long.contains(&words.as_str()) { 83 } else { 63 };
         assert!(help.lines().count() <= most, "{words}: {} lines", help.lines().count());
     }
 }
